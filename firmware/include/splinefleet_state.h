@@ -95,10 +95,11 @@ typedef struct {
     bool halted, holds, may_turn, from_rest;
     uint16_t clock_ms, late;
     int32_t begin_ms, origin_ms, stamp_ms;
+    int64_t told_ms;
     sf_follower follower;
     sf_real track, speed, curvature, distance, brake, period, catch_up, slack, limit;
     sf_real brake_speed, brake_from, rest_from, rest_x, rest_y, stuck_from, stuck_s;
-    sf_real pace, pace_time, pace_s, told, rests, authority, granted, watch, time, begin, until;
+    sf_real pace, pace_time, pace_s, rests, authority, granted, watch, time, begin, until;
     sf_real rate, reaction, foresight;
     sf_timeline timeline;
     sf_curve curve;

@@ -49,6 +49,11 @@ SHARED static sf_real begin_of(const sf_course *coming, const sf_course *course)
     return as_of(course, coming, coming->begin);
 }
 
+/* Until when the robot may drive one course, as another one counts it. */
+SHARED static sf_real told(const sf_course *of, const sf_course *course) {
+    return sf_time_of_ms(course, of->told_ms);
+}
+
 /* Where the plan has the robot at a time. */
 SHARED static sf_real planned_s(sf_course *course, sf_real time) {
     return sf_s_at(&course->timeline, time);
@@ -59,7 +64,7 @@ SHARED static bool is_stuck(const sf_course *course) {
 }
 
 SHARED static void limit_authority(sf_course *course) {
-    course->authority = sf_least(course->told, course->rests);
+    course->authority = sf_least(told(course, course), course->rests);
     course->granted = planned_s(course, course->authority);
 }
 
@@ -86,7 +91,6 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
     course->brake_from = course->stuck_s = course->pace_time = -SF_INF;
     course->rest_from = course->pace = course->until = course->rests = SF_INF;
     course->time = course->begin;
-    course->told = sf_time_of_ms(course, 0);
     course->rate = sf_clamp(course->limit / line->most_v, R(1), MOST_HURRY);
     course->reaction = REACTION_TICKS * period;
     course->foresight = HOLD_OUT + course->reaction + course->limit / course->brake;
@@ -96,9 +100,8 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
 }
 
 void sf_grant(sf_course *course, int64_t authority_ms) {
-    sf_real authority = sf_time_of_ms(course, authority_ms);
-    if (authority <= course->told) return;
-    course->told = authority;
+    if (authority_ms <= course->told_ms) return;
+    course->told_ms = authority_ms;
     limit_authority(course);
 }
 
@@ -110,7 +113,7 @@ bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
     if (!rests) time = sf_most(sf_most(begin, course->time), reported);
     sf_real there = as_of(coming, course, time), s = at_goal ? line->length : sf_s_at(line, time);
     if (sf_joint(course, s, coming, planned_s(coming, there), &turn) > JOINT_GAP) return false;
-    if (rests && (at_goal || begin >= line->finish || course->told <= begin)) return true;
+    if (rests && (at_goal || begin >= line->finish || told(course, course) <= begin)) return true;
     if (course->time > time || reported > time) return false;
     sf_real speed = sf_v_at(line, time);
     if (rests && speed == R(0)) return true;
@@ -134,8 +137,8 @@ void sf_end_with(sf_course *course, sf_course *coming) {
 bool sf_is_over(sf_course *course, sf_course *coming, sf_real now) {
     sf_real until = course->until;
     if (now < until || course->time < sf_least(until, course->timeline.finish)) return false;
-    sf_real enough = sf_least(course->told, course->time + course->foresight);
-    if (!coming->from_rest && as_of(course, coming, coming->told) < enough) return false;
+    sf_real enough = sf_least(told(course, course), course->time + course->foresight);
+    if (!coming->from_rest && told(coming, course) < enough) return false;
     sf_real left = planned_s(course, until) - course->follower.s;
     if (left <= sf_most(ARRIVAL_SLACK, course->speed * course->period)) return true;
     return is_stuck(course) && left <= ARRIVAL_SHARE * course->track;
