@@ -58,14 +58,15 @@ typedef struct {
     sf_real s, v, t0, t1;
 } sf_knot;
 
-/* Large arrays stand last in every struct: short offsets make short code. */
+/* Small fields stand first in every struct, and arrays last: short offsets make short code. */
 
 typedef struct {
-    sf_real x, y, dx, dy, length;
-    sf_real cell_begin, cell_end, cell_size, cell_u0, cell_u1, cell_m0, cell_m1;
-    uint16_t count, span, cells;
     uint8_t degree, piece;
     bool plain;
+    uint16_t count, span;
+    sf_real x, y, dx, dy, length;
+    const sf_cell *cell; /* where the curve was evaluated last */
+    sf_cell *last;       /* of the table: where the curve ends */
     sf_piece pieces[2];
     sf_real knots[SF_POINTS + SF_DEGREE + 1];
     sf_real hx[SF_POINTS], hy[SF_POINTS], hw[SF_POINTS];
@@ -74,84 +75,92 @@ typedef struct {
 
 typedef struct {
     sf_real length, finish, most_v;
-    sf_real leg_from, leg_to, begin, end, s0, s1, v0, half_rate;
-    uint16_t legs, leg;
+    const sf_knot *leg; /* where the robot was last */
+    sf_knot *next;      /* the leg to be added; behind the last one */
+    sf_knot *end;       /* of the knots */
     sf_knot knots[SF_LEGS + 1];
 } sf_timeline;
 
 typedef struct {
-    sf_real s, lateral, beyond, off, heading_error;
-    sf_real x, y, heading, tangent_s, tx, ty, still_at, bend_travel, bend;
+    sf_real x, y, heading;
+} sf_pose;
+
+typedef struct {
+    sf_real s, lateral, beyond, off, heading_error, tangent_s, tx, ty, still_at;
+    sf_pose pose;
 } sf_follower;
 
 /* One course and the robot on it.  Times are seconds of plan time after origin_ms. */
 typedef struct {
+    bool halted, holds, may_turn, turns, from_rest;
+    uint16_t clock_ms, late;
+    int32_t begin_ms, origin_ms, stamp_ms;
+    int64_t told_ms;
     sf_follower follower;
-    int64_t clock_error_ns, stamp_ms, told_ms, rests_ms, origin_ms;
-    int32_t begin_ms, late;
     sf_real track, speed, curvature, distance, brake, period, catch_up, slack, limit;
     sf_real brake_speed, brake_from, rest_from, rest_x, rest_y, stuck_from, stuck_s;
-    sf_real pace, pace_time, pace_s, authority, granted, watch, time, begin, until;
+    sf_real pace, pace_time, pace_s, rests, authority, granted, watch, time, begin, until;
     sf_real rate, reaction, foresight;
-    bool halted, holds, may_turn, turns;
     sf_timeline timeline;
     sf_curve curve;
 } sf_course;
 
 typedef struct {
-    int64_t offset_ns, low_ns, high_ns, at_ns, middle_ns, asked_ns, since_ns, followed_ns, period_ns;
-    uint32_t good, asked;
     uint8_t place; /* in open_ns, of the next question */
     bool slewing, compares;
+    uint32_t good, asked, period_ns;
+    int64_t now_ns, offset_ns, low_ns, high_ns, at_ns, middle_ns, asked_ns, since_ns, followed_ns;
     int64_t open_ns[SF_QUESTIONS]; /* when open questions were asked; a ring */
 } sf_clock;
 
 typedef struct {
-    int64_t term, boot, sequence, heard_ns;
-    uint32_t epoch, run;
     uint8_t phase;
-    bool asks; /* where this robot is */
+    bool asks;         /* where this robot is */
+    bool known, heard; /* who it is, and a Command from it */
+    uint32_t term, boot, sequence, epoch, run;
+    int64_t heard_ns;
 } sf_leader;
 
 typedef struct {
+    bool tell;
+    int16_t off, turn, beyond;
     uint32_t epoch, revision;
     sf_real s;
-    int16_t off, turn, beyond;
-    bool tell;
 } sf_rest;
 
 /* A Plan message that is being read. */
 typedef struct {
-    const uint8_t *bytes;
-    const uint8_t *packed[6]; /* points, knots, weights, speeds, profile, stops; counts of each */
-    uint16_t counts[6], length;
-    uint16_t at, stop, span, part;
-    uint32_t crc, epoch, boot, number, revision, brake_mmps2;
-    uint16_t track_mm, clock_ms, parts;
-    int32_t begin_ms;
-    sf_real time, previous;
     uint8_t stage, degree, course;
     bool next; /* of the epoch that the robot drives in */
+    uint16_t at, stop, span, parts, length, track_mm, clock_ms;
+    int32_t begin_ms;
+    uint32_t crc, epoch, boot, number, revision, brake_mmps2;
+    const uint8_t *bytes;
+    int64_t tau_ns;
+    uint16_t counts[6];
+    const uint8_t *packed[6]; /* points, knots, weights, speeds, profile, stops */
 } sf_plan;
 
 typedef struct {
     sf_real drive_speed, drive_curvature, drive_distance, drive_turn;
     uint8_t phase, fault;
-    bool finished, refused;
+    bool finished, refused, has_pose;
+    uint8_t reported_phase, reported_fault;
+    bool report_rest;
     uint32_t epoch, number, revision, next_number, holds;
+    uint32_t reported_epoch, reported_revision, reported_holds;
+    int32_t report_stamp_ms;
+    uint32_t spent_epoch, report_sequence, report_late, hellos, newest_term, newest_boot;
     const void *robot; /* the sf_robot */
     sf_course *ride, *coming;
-    sf_plan plan;
-    sf_clock clock;
-    sf_leader leader;
+    sf_real unsure, passed;
+    sf_pose pose;
+    int64_t ticked_ns, start_ns, reported_ns, hello_ns;
+    int64_t newest_sequence;
     sf_rest rest;
-    int64_t late_tick_ns, ticked_ns, start_ns, reported_ns, hello_ns, report_stamp_ms;
-    int64_t newest_term, newest_boot, newest_sequence;
-    sf_real unsure, passed, x, y, heading;
-    uint32_t spent_epoch, report_sequence, hellos, report_late;
-    uint32_t reported_epoch, reported_revision, reported_holds;
-    uint8_t reported_phase, reported_fault;
-    bool report_rest, has_pose;
+    sf_leader leader;
+    sf_clock clock;
+    sf_plan plan;
     sf_course courses[2];
 } sf_agent;
 

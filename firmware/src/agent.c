@@ -30,19 +30,13 @@ static const uint8_t TRANSITIONS[6][EVENTS] = {
                  [LEFT_PATH] = SF_FROZEN + 1},
 };
 
-const sf_robot *sf_robot_of(const sf_agent *agent) { return (const sf_robot *)agent->robot; }
-
 void sf_init(sf_agent *agent, const sf_robot *robot) {
-    uint8_t *bytes = (uint8_t *)agent;
-    for (size_t i = 0; i < sizeof *agent; i++) bytes[i] = 0;
+    sf_clear(agent, sizeof *agent);
     agent->robot = robot;
-    agent->ride = agent->coming = NULL;
     agent->ticked_ns = SF_UNKNOWN;
-    agent->leader.term = agent->leader.boot = agent->leader.sequence = -1;
     agent->leader.heard_ns = SF_NEVER;
-    agent->newest_term = agent->newest_boot = agent->newest_sequence = -1;
+    agent->newest_sequence = -1;
     agent->reported_ns = agent->hello_ns = SF_NEVER;
-    agent->late_tick_ns = 2 * robot->period_ns > LATE_TICK ? 2 * robot->period_ns : LATE_TICK;
     sf_clock_begin(&agent->clock);
 }
 
@@ -52,10 +46,8 @@ static bool before_motion(const sf_agent *agent) {
 
 static bool on_its_way(uint8_t phase) { return phase == SF_MOVING || phase == SF_BRAKING; }
 
-bool sf_has_driven(const sf_agent *agent) { return agent->spent_epoch > 0; }
-
-static bool knows_time(const sf_agent *agent, const sf_course *ride, int64_t now_ns) {
-    return sf_clock_within(&agent->clock, ride->clock_error_ns, now_ns);
+SHARED static bool knows_time(const sf_agent *agent, const sf_course *ride) {
+    return sf_clock_within(&agent->clock, ride->clock_ms);
 }
 
 /* Stand, and store the place of rest until the robot moves, even if the plan is dropped. */
@@ -66,10 +58,11 @@ static void rest(sf_agent *agent, bool tell) {
     rest->revision = agent->revision;
     rest->s = agent->ride->follower.s;
     rest->tell = tell;
-    sf_offset(&agent->ride->follower, &rest->off, &rest->turn, &rest->beyond);
+    sf_offset(&agent->ride->follower, rest);
 }
 
-static void apply(sf_agent *agent, int event, int64_t now_ns) {
+/* In every phase but IDLE the robot has a course. */
+static void apply(sf_agent *agent, int event) {
     uint8_t entry = TRANSITIONS[agent->phase][event];
     if (entry == 0) return;
     uint8_t after = agent->phase = (uint8_t)(entry - 1);
@@ -78,10 +71,10 @@ static void apply(sf_agent *agent, int event, int64_t now_ns) {
         agent->epoch = 0;
         agent->fault = SF_NO_FAULT;
         agent->rest.tell = false;
-        sf_clock_start_over(&agent->clock, now_ns);
-    } else if (after == SF_BRAKING && agent->ride) {
+        sf_clock_start_over(&agent->clock);
+    } else if (after == SF_BRAKING) {
         sf_begin_to_brake(agent->ride);
-    } else if ((after == SF_FROZEN || after == SF_DONE) && agent->ride) {
+    } else if (after == SF_FROZEN || after == SF_DONE) {
         rest(agent, after == SF_FROZEN);
         if (after == SF_FROZEN) { /* Where a course begins that has not begun, it does not stand. */
             agent->coming = NULL;
@@ -97,20 +90,20 @@ static void apply(sf_agent *agent, int event, int64_t now_ns) {
 }
 
 /* Brake, and record the fault if none is recorded yet; at the goal the only one is OFF_PATH. */
-static void fail(sf_agent *agent, uint8_t fault, int64_t now_ns) {
+SHARED static void fail(sf_agent *agent, uint8_t fault) {
     bool left = fault == SF_OFF_PATH;
     if (agent->fault == SF_NO_FAULT && (agent->phase != SF_DONE || left)) agent->fault = fault;
-    apply(agent, left ? LEFT_PATH : TROUBLE, now_ns);
+    apply(agent, left ? LEFT_PATH : TROUBLE);
 }
 
 /* Arm again with the time, unless the robot does without it. */
-static void disarm(sf_agent *agent, int64_t now_ns) {
-    if (agent->phase == SF_ARMED && agent->unsure <= CLOCK_PATIENCE) apply(agent, NOT_READY, now_ns);
+SHARED static void disarm(sf_agent *agent) {
+    if (agent->phase == SF_ARMED && agent->unsure <= CLOCK_PATIENCE) apply(agent, NOT_READY);
 }
 
-static void lose_clock(sf_agent *agent, int64_t now_ns) {
-    sf_clock_start_over(&agent->clock, now_ns);
-    disarm(agent, now_ns);
+static void lose_clock(sf_agent *agent) {
+    sf_clock_start_over(&agent->clock);
+    disarm(agent);
 }
 
 static bool is_silent(const sf_leader *leader, int64_t now_ns, int64_t patience_ns) {
@@ -118,68 +111,69 @@ static bool is_silent(const sf_leader *leader, int64_t now_ns, int64_t patience_
 }
 
 /* Whether a Command is to be obeyed: the highest (term, boot) leads. */
-static bool counts(const sf_agent *agent, const sf_command *command, int64_t now_ns) {
+static bool counts(const sf_agent *agent, const sf_command *command) {
     const sf_leader *leader = &agent->leader;
+    uint32_t term = leader->term, boot = leader->boot;
     if (!before_motion(agent) && command->run != leader->run) return false;
-    if (command->term == leader->term && command->boot == leader->boot)
-        return command->sequence > leader->sequence;
-    if (command->term > leader->term) return true;
-    if (command->term == leader->term && command->boot > leader->boot) return true;
-    return before_motion(agent) && is_silent(leader, now_ns, COORDINATOR_TIMEOUT);
+    if (!leader->heard) return true;
+    if (command->term == term && command->boot == boot) return command->sequence > leader->sequence;
+    if (command->term == term ? command->boot > boot : command->term > term) return true;
+    return before_motion(agent) && is_silent(leader, agent->clock.now_ns, COORDINATOR_TIMEOUT);
 }
 
-bool sf_hear_command(sf_agent *agent, const sf_command *command, int64_t now_ns) {
+bool sf_hear_command(sf_agent *agent, const sf_command *command) {
     sf_leader *leader = &agent->leader;
     uint32_t epoch = command->epoch;
     uint8_t phase = command->phase;
     bool still = before_motion(agent);
-    if (!counts(agent, command, now_ns)) return false;
+    if (!counts(agent, command)) return false;
     leader->run = command->run;
     if (epoch != leader->epoch && !agent->ride) agent->fault = SF_NO_FAULT;
-    bool another = (leader->boot != -1 && leader->boot != command->boot) ||
-                   (leader->term != -1 && leader->term != command->term);
+    bool other_term = leader->heard && leader->term != command->term;
+    bool another = leader->known && (leader->boot != command->boot || other_term);
+    leader->known = leader->heard = true;
     leader->term = command->term;
     leader->boot = command->boot;
     leader->sequence = command->sequence;
     leader->epoch = epoch;
     leader->phase = phase;
     leader->asks = command->wanted;
-    leader->heard_ns = now_ns;
+    leader->heard_ns = agent->clock.now_ns;
     if (another) {
-        sf_clock_start_over(&agent->clock, now_ns);
-        if (still) apply(agent, NEW_EPOCH, now_ns);
-    } else if (sf_is_said_in_future(&agent->clock, command->said_ns, now_ns)) {
-        lose_clock(agent, now_ns);
+        sf_clock_start_over(&agent->clock);
+        if (still) apply(agent, NEW_EPOCH);
+    } else if (sf_is_said_in_future(&agent->clock, command->said_ns)) {
+        lose_clock(agent);
     }
     if (phase == FREEZE || phase == OVER) {
-        apply(agent, TOLD_TO_FREEZE, now_ns);
+        apply(agent, TOLD_TO_FREEZE);
         agent->finished = phase == OVER && agent->phase != SF_BRAKING;
     } else if (epoch > agent->epoch && agent->ride) {
-        apply(agent, NEW_EPOCH, now_ns);
+        apply(agent, NEW_EPOCH);
     } else if (epoch == agent->epoch && agent->ride) {
         agent->ride->halted = phase == STOP;
         if (phase == GO) {
-            sf_grant(agent->ride, command->authority_ms);
-            if (agent->coming) sf_grant(agent->coming, command->next_authority_ms);
+            sf_grant(agent->ride, command->authority_ms[0]);
+            if (agent->coming) sf_grant(agent->coming, command->authority_ms[1]);
             agent->start_ns = command->start_ns;
-            if (command->said_ns >= command->start_ns || knows_time(agent, agent->ride, now_ns))
-                apply(agent, TOLD_TO_GO, now_ns);
+            if (command->said_ns >= command->start_ns || knows_time(agent, agent->ride))
+                apply(agent, TOLD_TO_GO);
         }
     }
     if (command->wanted && agent->rest.epoch > 0) agent->rest.tell = true;
     return true;
 }
 
-void sf_hear_clock(sf_agent *agent, uint32_t coordinator, int64_t sent, int64_t received,
-                   int64_t answered, int64_t now) {
-    if (coordinator != agent->leader.boot) return; /* Only whom it obeys tells it the time. */
-    if (!sf_clock_add(&agent->clock, sent, received, answered, now)) lose_clock(agent, now);
+void sf_hear_clock(sf_agent *agent, const sf_answer *answer) {
+    const sf_leader *leader = &agent->leader; /* Only whom it obeys tells it the time. */
+    if (!leader->known || answer->coordinator != leader->boot) return;
+    if (!sf_clock_add(&agent->clock, answer)) lose_clock(agent);
 }
 
 static bool takes_courses(const sf_agent *agent, const sf_plan *plan) {
     uint8_t phase = agent->phase;
     bool may = phase == SF_MOVING || phase == SF_DONE || phase == SF_FROZEN;
-    return may && agent->ride && plan->epoch == agent->epoch;
+    return may && plan->epoch == agent->epoch;
 }
 
 static bool is_of_leader(const sf_agent *agent, const sf_plan *plan) {
@@ -188,7 +182,8 @@ static bool is_of_leader(const sf_agent *agent, const sf_plan *plan) {
 
 bool sf_takes_plan(sf_agent *agent, sf_plan *plan) {
     sf_leader *leader = &agent->leader;
-    if (leader->boot < 0) {
+    if (!leader->known) {
+        leader->known = true;
         leader->boot = plan->boot;
         leader->epoch = plan->epoch;
     }
@@ -236,55 +231,56 @@ void sf_plan_taken(sf_agent *agent, sf_course *course, bool valid) {
     agent->revision = agent->holds = plan->revision;
 }
 
-void sf_driver_failed(sf_agent *agent, int64_t now_ns) { fail(agent, SF_DRIVER_ERROR, now_ns); }
+void sf_driver_failed(sf_agent *agent, int64_t now_ns) {
+    agent->clock.now_ns = now_ns;
+    fail(agent, SF_DRIVER_ERROR);
+}
 
 /* The plan time that it is now; without a known time, `passed` after the one driven by last. */
-static sf_real plan_time(const sf_agent *agent, const sf_course *ride, int64_t now_ns, sf_real passed) {
-    if (!knows_time(agent, ride, now_ns)) return ride->time + passed;
-    int64_t plan_ns = sf_difference(sf_sum(now_ns, agent->clock.offset_ns), agent->start_ns);
+static sf_real plan_time(const sf_agent *agent, const sf_course *ride, sf_real passed) {
+    if (!knows_time(agent, ride)) return ride->time + passed;
+    int64_t plan_ns = sf_difference(sf_sum(agent->clock.now_ns, agent->clock.offset_ns), agent->start_ns);
     return sf_seconds_of_ns(sf_difference(plan_ns, ride->origin_ms * MILLISECOND));
 }
 
 /* The same in whole ms after the plan's start. */
-static int64_t plan_time_ms(const sf_agent *agent, const sf_course *ride, int64_t now_ns) {
+static int64_t plan_time_ms(const sf_agent *agent, const sf_course *ride) {
 #ifndef SF_DOUBLE
-    if (knows_time(agent, ride, now_ns)) {
-        int64_t time_ns = sf_sum(now_ns, agent->clock.offset_ns);
+    if (knows_time(agent, ride)) {
+        int64_t time_ns = sf_sum(agent->clock.now_ns, agent->clock.offset_ns);
         return sf_difference(time_ns, agent->start_ns) / MILLISECOND;
     }
 #endif
-    return ride->origin_ms + sf_whole(R(1000) * plan_time(agent, ride, now_ns, R(0)));
+    return ride->origin_ms + sf_whole(R(1000) * plan_time(agent, ride, R(0)));
 }
 
-static void try_to_arm(sf_agent *agent, sf_course *ride, int64_t now_ns) {
-    bool stands = sf_stands_at_start(ride, agent->x, agent->y, agent->heading, &agent->fault,
-                                     &agent->drive_turn);
-    if (!stands) return;
+static void try_to_arm(sf_agent *agent, sf_course *ride) {
+    agent->fault = sf_fault_at_start(ride, &agent->pose, &agent->drive_turn);
+    if (agent->fault || agent->drive_turn != R(0)) return;
     agent->unsure += agent->passed;
-    if (sf_clock_within(&agent->clock, ride->clock_error_ns - CLOCK_RESERVE, now_ns)) {
+    if (sf_clock_within(&agent->clock, ride->clock_ms - CLOCK_RESERVE_MS)) {
         agent->unsure = R(0);
-        apply(agent, READY, now_ns);
+        apply(agent, READY);
     } else if (agent->unsure > CLOCK_PATIENCE) {
-        apply(agent, READY, now_ns);
+        apply(agent, READY);
     } else {
         agent->fault = SF_CLOCK_UNSURE;
     }
 }
 
-static void drive(sf_agent *agent, sf_course *ride, int64_t now_ns) {
-    sf_real x = agent->x, y = agent->y, heading = agent->heading;
-    sf_locate(ride, x, y, heading);
+static void drive(sf_agent *agent, sf_course *ride) {
+    sf_locate(ride, &agent->pose);
     if (agent->phase == SF_MOVING) {
-        if (ride->may_turn) agent->drive_turn = sf_turn_before_start(ride, x, y, heading);
-        sf_real now = plan_time(agent, ride, now_ns, agent->passed);
+        if (ride->may_turn) agent->drive_turn = sf_turn_before_start(ride, &agent->pose);
+        sf_real now = plan_time(agent, ride, agent->passed);
         uint8_t fault = sf_trouble(ride);
-        if (fault != SF_NO_FAULT) fail(agent, fault, now_ns);
-        else if (sf_arrived(ride)) apply(agent, ARRIVED, now_ns);
+        if (fault != SF_NO_FAULT) fail(agent, fault);
+        else if (sf_arrived(ride)) apply(agent, ARRIVED);
         else sf_keep_to_plan(ride, now);
     }
     if (agent->phase == SF_BRAKING) {
         sf_keep_braking(ride);
-        if (sf_rests(ride, x, y)) apply(agent, sf_at_goal(ride) ? ARRIVED : AT_REST, now_ns);
+        if (sf_rests(ride, &agent->pose)) apply(agent, sf_at_goal(ride) ? ARRIVED : AT_REST);
     }
     agent->drive_speed = ride->speed;
     agent->drive_distance = ride->distance;
@@ -292,103 +288,102 @@ static void drive(sf_agent *agent, sf_course *ride, int64_t now_ns) {
 }
 
 /* Leave the course for the newer one, and return that. */
-static sf_course *change(sf_agent *agent, int64_t now_ns) {
+static sf_course *change(sf_agent *agent) {
     sf_course *coming = agent->coming;
     sf_follow(coming, agent->ride);
     agent->ride = coming;
     agent->coming = NULL;
     agent->number = agent->next_number;
     agent->revision = agent->holds;
-    apply(agent, NEW_COURSE, now_ns);
+    apply(agent, NEW_COURSE);
     return coming;
 }
 
 /* The course to drive now: the newer one, once it has begun. */
-static sf_course *on_course(sf_agent *agent, int64_t now_ns) {
+static sf_course *on_course(sf_agent *agent) {
     sf_course *ride = agent->ride, *coming = agent->coming;
     if (agent->phase == SF_FROZEN) {
         if (agent->leader.phase != GO) return ride;
-        sf_locate(ride, agent->x, agent->y, agent->heading);
+        sf_locate(ride, &agent->pose);
         if (!sf_rests_where(ride, coming)) return ride;
-        bool begun = !knows_time(agent, coming, now_ns) ||
-                     plan_time(agent, coming, now_ns, R(0)) >= coming->begin;
-        return begun ? change(agent, now_ns) : ride;
+        bool begun = !knows_time(agent, coming) ||
+                     plan_time(agent, coming, R(0)) >= coming->begin;
+        return begun ? change(agent) : ride;
     }
     if (before_motion(agent)) return ride;
-    sf_locate(ride, agent->x, agent->y, agent->heading);
-    sf_real now = plan_time(agent, ride, now_ns, R(0));
+    sf_locate(ride, &agent->pose);
+    sf_real now = plan_time(agent, ride, R(0));
     /* At its goal no plan time passes for a robot that does not know the time. */
-    if (agent->phase == SF_DONE && !knows_time(agent, ride, now_ns)) now = SF_INF;
-    return sf_is_over(ride, coming, now) ? change(agent, now_ns) : ride;
+    if (agent->phase == SF_DONE && !knows_time(agent, ride)) now = SF_INF;
+    return sf_is_over(ride, coming, now) ? change(agent) : ride;
+}
+
+/* Decide what the robot does in its phase. */
+static void decide(sf_agent *agent) {
+    sf_course *ride = agent->ride;
+    if (agent->phase == SF_ARMED && !knows_time(agent, ride)) disarm(agent);
+    if (agent->coming) ride = on_course(agent);
+    if (agent->phase == SF_IDLE) {
+        try_to_arm(agent, ride);
+    } else if (on_its_way(agent->phase)) {
+        drive(agent, ride);
+    } else if (agent->phase == SF_DONE) {
+        sf_locate(ride, &agent->pose);
+        if (sf_has_left_goal(ride)) fail(agent, SF_OFF_PATH);
+    }
 }
 
 void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real heading) {
-    sf_read_plan(agent, SF_WORK);
-    sf_course *ride = agent->ride;
-    uint8_t phase = agent->phase;
     int64_t passed_ns = sf_difference(now_ns, agent->ticked_ns);
-    agent->ticked_ns = now_ns;
-    if (passed_ns > agent->late_tick_ns) sf_clock_doubt(&agent->clock, now_ns); /* It hung. */
-    sf_real passed = passed_ns > 0 ? sf_seconds_of_ns(passed_ns) : R(0);
-    agent->passed = passed < HOLD_OUT ? passed : HOLD_OUT;
+    agent->clock.now_ns = agent->ticked_ns = now_ns;
+    bool late = passed_ns > LATE_TICK && passed_ns > 2 * ROBOT(agent)->period_ns;
+    if (late) sf_clock_doubt(&agent->clock); /* It hung. */
+    agent->passed = sf_clamp(sf_seconds_of_ns(passed_ns), R(0), HOLD_OUT);
     agent->has_pose = x == x;
-    agent->x = agent->has_pose ? x : R(0);
-    agent->y = agent->has_pose ? y : R(0);
-    agent->heading = agent->has_pose ? heading : R(0);
-    sf_clock_follow(&agent->clock, now_ns, on_its_way(phase));
+    agent->pose = (sf_pose){x, y, heading};
+    if (!agent->has_pose) sf_clear(&agent->pose, sizeof agent->pose);
+    sf_clock_follow(&agent->clock, on_its_way(agent->phase));
     agent->drive_speed = agent->drive_curvature = agent->drive_distance = agent->drive_turn = R(0);
-    if (!ride) return;
-    if (phase == SF_ARMED && !knows_time(agent, ride, now_ns)) disarm(agent, now_ns);
-    if (agent->coming) {
-        ride = on_course(agent, now_ns);
-        phase = agent->phase;
-    }
-    if (agent->phase == SF_IDLE) {
-        try_to_arm(agent, ride, now_ns);
-    } else if (on_its_way(phase)) {
-        drive(agent, ride, now_ns);
-    } else if (phase == SF_DONE) {
-        sf_locate(ride, agent->x, agent->y, agent->heading);
-        if (sf_has_left_goal(ride)) fail(agent, SF_OFF_PATH, now_ns);
-    }
+    if (agent->ride) decide(agent);
+    sf_read_plan(agent, SF_WORK); /* Last, so that no tick takes a course and changes to it. */
 }
 
-bool sf_report_due(sf_agent *agent, int64_t now_ns) {
+bool sf_report_due(sf_agent *agent) {
     bool same = agent->reported_epoch == agent->epoch && agent->reported_phase == agent->phase &&
                 agent->reported_fault == agent->fault &&
                 agent->reported_revision == agent->revision && agent->reported_holds == agent->holds;
-    if (sf_difference(now_ns, agent->reported_ns) < REPORT_PERIOD && same) return false;
+    if (sf_difference(agent->clock.now_ns, agent->reported_ns) < REPORT_PERIOD && same) return false;
     agent->reported_epoch = agent->epoch;
     agent->reported_phase = agent->phase;
     agent->reported_fault = agent->fault;
     agent->reported_revision = agent->revision;
     agent->reported_holds = agent->holds;
-    agent->reported_ns = now_ns;
+    agent->reported_ns = agent->clock.now_ns;
     agent->report_sequence++;
     agent->report_rest = agent->rest.tell && agent->rest.epoch > 0;
     agent->rest.tell = false;
-    agent->report_stamp_ms = SF_UNSAID;
+    agent->report_stamp_ms = SF_NO_STAMP;
     agent->report_late = 0;
     sf_course *ride = agent->ride;
     if (ride && (agent->phase == SF_MOVING || agent->phase == SF_DONE)) {
-        sf_reckon(ride, plan_time_ms(agent, ride, now_ns));
+        sf_reckon(ride, plan_time_ms(agent, ride));
         agent->report_stamp_ms = ride->stamp_ms;
-        if (agent->phase == SF_MOVING) agent->report_late = (uint32_t)ride->late;
+        if (agent->phase == SF_MOVING) agent->report_late = ride->late;
     }
     return true;
 }
 
-bool sf_hello_due(sf_agent *agent, int64_t now_ns) {
-    if (agent->ride || sf_difference(now_ns, agent->hello_ns) < HELLO_PERIOD) return false;
-    agent->hello_ns = now_ns;
+bool sf_hello_due(sf_agent *agent) {
+    if (agent->ride || sf_difference(agent->clock.now_ns, agent->hello_ns) < HELLO_PERIOD) return false;
+    agent->hello_ns = agent->clock.now_ns;
     agent->hellos++;
     return true;
 }
 
-bool sf_clock_due(sf_agent *agent, int64_t now_ns) {
-    int64_t error_ns = agent->ride ? agent->ride->clock_error_ns : CLOCK_ERROR;
+bool sf_clock_due(sf_agent *agent) {
+    int error_ms = agent->ride ? agent->ride->clock_ms : CLOCK_ERROR_MS;
     bool moving = on_its_way(agent->phase);
-    return sf_clock_asks(&agent->clock, now_ns, error_ns - CLOCK_RESERVE, moving);
+    return sf_clock_asks(&agent->clock, error_ms - CLOCK_RESERVE_MS, moving);
 }
 
 bool sf_may_leave(const sf_agent *agent, int64_t now_ns) {
@@ -398,7 +393,11 @@ bool sf_may_leave(const sf_agent *agent, int64_t now_ns) {
 
 bool sf_start_pose(sf_agent *agent, sf_real *x, sf_real *y, sf_real *heading) {
     if (!agent->ride) return false;
-    sf_start_of(agent->ride, x, y, heading);
+    sf_pose pose;
+    sf_start_of(agent->ride, &pose);
+    *x = pose.x;
+    *y = pose.y;
+    *heading = pose.heading;
     return true;
 }
 

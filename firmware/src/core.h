@@ -8,21 +8,23 @@
 /* Of the C library, declared here because a freestanding compiler has no math.h. */
 #ifdef SF_DOUBLE
 double fabs(double), sqrt(double), sin(double), cos(double), atan2(double, double);
-#define sf_abs fabs /* one instruction */
-#define SF_SQRT sqrt
-#define SF_SIN sin
-#define SF_COS cos
-#define SF_ATAN2 atan2
+#define SF_NAME(function) function
 #else
 float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float);
-#define sf_abs fabsf
-#define SF_SQRT sqrtf
-#define SF_SIN sinf
-#define SF_COS cosf
-#define SF_ATAN2 atan2f
+#define SF_NAME(function) function##f
+#endif
+#define SF_SIN SF_NAME(sin)
+#define SF_COS SF_NAME(cos)
+#define SF_ATAN2 SF_NAME(atan2)
+#if defined(__GNUC__) /* One instruction each, which a freestanding compiler does not know. */
+#define sf_abs SF_NAME(__builtin_fabs)
+#define SF_SQRT SF_NAME(__builtin_sqrt)
+#else
+#define sf_abs SF_NAME(fabs)
+#define SF_SQRT SF_NAME(sqrt)
 #endif
 
-/* For small functions with many callers: compilers copy them into each, even with -Os. */
+/* For functions that make callers longer where compilers copy them in, even with -Os. */
 #if defined(__GNUC__)
 #define SHARED __attribute__((noinline))
 #else
@@ -39,55 +41,65 @@ float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float)
 #define HELLO_PERIOD (200 * MILLISECOND)
 #define COORDINATOR_TIMEOUT (2 * SECOND)
 #define LEAVE_TIMEOUT (10 * SECOND)
-#define CLOCK_ERROR (10 * MILLISECOND)
-#define CLOCK_RESERVE (2 * MILLISECOND)
+#define CLOCK_ERROR_MS 10
+#define CLOCK_RESERVE_MS 2
 #define CLOCK_PERIOD_FAST (40 * MILLISECOND)
 #define CLOCK_PERIOD (2 * SECOND)
 #define CLOCK_SAMPLES 8
 #define LATE_STEP_MS 50
+#define SETTLING_LENGTH R(0.1)
+#define LED_OFF (R(0.37) * SETTLING_LENGTH)
+
+#ifdef SF_DOUBLE
+typedef int64_t sf_int;
+#else
+typedef int32_t sf_int; /* Conversions to 64 bits take double arithmetic in some libraries. */
+#endif
 
 #define SF_UNKNOWN ((int64_t)1 << 62)
 #define SF_NEVER (-SF_UNKNOWN)
-#define SF_UNSAID (-SF_UNKNOWN) /* no authority, no stamp [ms] */
+#define SF_UNSAID (-SF_UNKNOWN) /* no authority [ms] */
+#define SF_NO_STAMP INT32_MIN
 
 enum { HOLD, GO, FREEZE, OVER, STOP }; /* the phase in a Command */
+enum { HELLO = 1, PLAN, COMMAND, REPORT, CLOCK, REFUSAL }; /* tags */
 
 /* numbers.c */
 sf_real sf_least(sf_real a, sf_real b);
 sf_real sf_most(sf_real a, sf_real b);
+sf_real sf_positive(sf_real value); /* or 0 */
+sf_real sf_clamp(sf_real value, sf_real low, sf_real high);
 int64_t sf_sum(int64_t a, int64_t b);        /* saturates */
 int64_t sf_difference(int64_t a, int64_t b); /* saturates */
 int64_t sf_floor_ratio(int64_t a, int64_t b);
-int64_t sf_whole(sf_real value);     /* towards 0; saturates */
-int64_t sf_floor(sf_real value);     /* saturates */
-int64_t sf_nearest(sf_real value);   /* half to even */
+sf_int sf_whole(sf_real value);   /* towards 0; saturates */
+sf_int sf_floor(sf_real value);   /* saturates */
+sf_int sf_nearest(sf_real value); /* half to even */
 sf_real sf_seconds_of_ns(int64_t ns);
-sf_real sf_seconds_of_ms(int64_t ms);
+void sf_clear(void *memory, size_t bytes);
 
 /* curve.c */
-bool sf_curve_begin(sf_curve *curve); /* checks what was filled in: degree, count, knots, hw */
-void sf_measure_begin(sf_plan *plan, sf_curve *curve);
+bool sf_curve_begin(sf_plan *plan, sf_curve *curve); /* checks degree, count, knots, hw */
+sf_real sf_on_curve(const sf_curve *curve, sf_real s); /* s, limited to the curve's length */
 bool sf_measure_cell(sf_plan *plan, sf_curve *curve); /* false once the curve is measured */
 void sf_curve_place(sf_curve *curve, sf_real s);
 
 /* timeline.c */
-bool sf_timeline_leg(sf_timeline *line, sf_real time, sf_real s1, sf_real v1);
+bool sf_timeline_leg(sf_timeline *line, sf_real time); /* adds the leg to the next knot */
 sf_real sf_s_at(sf_timeline *line, sf_real time);
 sf_real sf_v_at(sf_timeline *line, sf_real time);
 sf_real sf_time_at(const sf_timeline *line, sf_real s);
 sf_real sf_rest_until(sf_timeline *line, sf_real time);
 
 /* steering.c: the curve of a follower is that of its course */
-#define SETTLING_LENGTH R(0.1)
-#define LED_OFF (R(0.37) * SETTLING_LENGTH)
-void sf_follower_begin(sf_course *course);
-void sf_start_of(sf_course *course, sf_real *x, sf_real *y, sf_real *heading);
+void sf_follower_begin(sf_follower *follower);
+void sf_start_of(sf_course *course, sf_pose *pose);
 sf_real sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there, sf_real *turn);
-sf_real sf_turn_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, sf_real *turn);
-void sf_locate(sf_course *course, sf_real x, sf_real y, sf_real heading);
+sf_real sf_turn_at_start(sf_course *course, const sf_pose *pose, sf_real *turn);
+void sf_locate(sf_course *course, const sf_pose *pose);
 void sf_find(sf_course *course);
 sf_real sf_away_from(sf_course *course, sf_real s);
-void sf_offset(const sf_follower *follower, int16_t *off, int16_t *turn, int16_t *beyond);
+void sf_offset(const sf_follower *follower, sf_rest *rest);
 sf_real sf_curvature(sf_course *course, sf_real travel);
 
 /* ride.c */
@@ -99,10 +111,9 @@ bool sf_rests_where(const sf_course *course, sf_course *coming);
 void sf_end_with(sf_course *course, sf_course *coming);
 bool sf_is_over(sf_course *course, sf_course *coming, sf_real now);
 void sf_follow(sf_course *course, sf_course *before);
-sf_real sf_turn_before_start(sf_course *course, sf_real x, sf_real y, sf_real heading);
+sf_real sf_turn_before_start(sf_course *course, const sf_pose *pose);
 void sf_reckon(sf_course *course, int64_t now_ms);
-bool sf_stands_at_start(sf_course *course, sf_real x, sf_real y, sf_real heading, uint8_t *fault,
-                        sf_real *turn);
+uint8_t sf_fault_at_start(sf_course *course, const sf_pose *pose, sf_real *turn);
 uint8_t sf_trouble(sf_course *course);
 bool sf_arrived(const sf_course *course);
 bool sf_at_goal(const sf_course *course);
@@ -110,37 +121,42 @@ bool sf_has_left_goal(const sf_course *course);
 void sf_keep_to_plan(sf_course *course, sf_real now);
 void sf_begin_to_brake(sf_course *course);
 void sf_keep_braking(sf_course *course);
-bool sf_rests(sf_course *course, sf_real x, sf_real y);
+bool sf_rests(sf_course *course, const sf_pose *pose);
 void sf_stand(sf_course *course);
 
-/* clock_sync.c */
-void sf_clock_begin(sf_clock *clock);
-void sf_clock_start_over(sf_clock *clock, int64_t now_ns);
-void sf_clock_doubt(sf_clock *clock, int64_t now_ns);
-bool sf_clock_add(sf_clock *clock, int64_t sent, int64_t received, int64_t answered, int64_t now);
-bool sf_is_said_in_future(const sf_clock *clock, int64_t said_ns, int64_t now_ns);
-void sf_clock_follow(sf_clock *clock, int64_t now_ns, bool slewing);
-bool sf_clock_asks(sf_clock *clock, int64_t now_ns, int64_t enough_ns, bool moving);
-bool sf_clock_within(const sf_clock *clock, int64_t limit_ns, int64_t now_ns);
-
-/* agent.c */
+/* clock_sync.c: all of it at clock->now_ns */
 typedef struct {
-    int64_t start_ns, said_ns, authority_ms, next_authority_ms;
-    uint32_t boot, term, sequence, epoch, run;
+    int64_t sent_ns, received_ns, answered_ns;
+    uint32_t boot, coordinator;
+} sf_answer;
+
+void sf_clock_begin(sf_clock *clock);
+void sf_clock_start_over(sf_clock *clock);
+void sf_clock_doubt(sf_clock *clock);
+bool sf_clock_add(sf_clock *clock, const sf_answer *answer);
+bool sf_is_said_in_future(const sf_clock *clock, int64_t said_ns);
+void sf_clock_follow(sf_clock *clock, bool slewing);
+bool sf_clock_asks(sf_clock *clock, int enough_ms, bool moving);
+bool sf_clock_within(const sf_clock *clock, int limit_ms);
+
+/* agent.c: at agent->clock.now_ns, which every call from outside sets */
+#define ROBOT(agent) ((const sf_robot *)(agent)->robot)
+
+typedef struct {
+    int64_t start_ns, said_ns, authority_ms[2]; /* of the present course, of the newer one */
+    uint32_t boot, term, sequence, epoch, run, first, last;
+    int32_t headroom_ms;
     uint8_t phase;
     bool wanted;
 } sf_command;
 
-bool sf_hear_command(sf_agent *agent, const sf_command *command, int64_t now_ns);
-void sf_hear_clock(sf_agent *agent, uint32_t coordinator, int64_t sent, int64_t received,
-                   int64_t answered, int64_t now);
+bool sf_hear_command(sf_agent *agent, const sf_command *command);
+void sf_hear_clock(sf_agent *agent, const sf_answer *answer);
 bool sf_takes_plan(sf_agent *agent, sf_plan *plan);
 void sf_plan_taken(sf_agent *agent, sf_course *course, bool valid);
-bool sf_hello_due(sf_agent *agent, int64_t now_ns);
-bool sf_clock_due(sf_agent *agent, int64_t now_ns);
-bool sf_report_due(sf_agent *agent, int64_t now_ns);
-bool sf_has_driven(const sf_agent *agent);
-const sf_robot *sf_robot_of(const sf_agent *agent);
+bool sf_hello_due(sf_agent *agent);
+bool sf_clock_due(sf_agent *agent);
+bool sf_report_due(sf_agent *agent);
 
 /* plan.c */
 bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length); /* keeps `bytes` */
@@ -149,20 +165,24 @@ void sf_read_plan(sf_agent *agent, int work); /* goes on with the Plan that is b
 /* reader.c */
 typedef struct {
     const uint8_t *at, *end;
-    uint32_t left; /* elements of the message's array that have not been read */
+    uint32_t left; /* elements of the present array that have not been read */
+    uint8_t type;
     bool bad;
 } sf_reader;
 
-void sf_open(sf_reader *reader, const uint8_t *bytes, size_t length);
-int64_t sf_get_int(sf_reader *reader, int64_t least, int64_t most);
-uint32_t sf_get_small(sf_reader *reader, uint32_t least, uint32_t most);
-uint32_t sf_get_counter(sf_reader *reader);
-int32_t sf_get_ms(sf_reader *reader);
-int64_t sf_get_stamp(sf_reader *reader);
+/* An integer in a message, and its place in a struct. */
+typedef struct {
+    uint8_t kind, at;
+} sf_field;
+
+enum { SF_U8 = 1, SF_U16, SF_U32, SF_I32, SF_STAMP, SF_OPTIONAL = 8, SF_NULLABLE = 16 };
+
+uint32_t sf_open(sf_reader *reader, const uint8_t *bytes, size_t length); /* the message's tag */
+int64_t sf_get_int(sf_reader *reader);
+void sf_get_fields(sf_reader *reader, void *into, const sf_field *fields, unsigned count);
 uint32_t sf_get_array(sf_reader *reader);
 const uint8_t *sf_get_bytes(sf_reader *reader, uint32_t *length);
 const uint8_t *sf_get_text(sf_reader *reader, uint32_t *length);
-bool sf_get_nil(sf_reader *reader);
 bool sf_close(sf_reader *reader); /* skips further fields; whether all was well */
 bool sf_is_id(const uint8_t *text, uint32_t length);
 bool sf_is_named(const char *id, const uint8_t *text, uint32_t length); /* whether it is this id */

@@ -16,28 +16,6 @@ static const sf_real GAUSS[5][2] = {
     {R(0.9061798459386640), R(0.2369268850561891)},
 };
 
-bool sf_curve_begin(sf_curve *curve) {
-    const sf_real *knots = curve->knots;
-    unsigned degree = curve->degree, count = curve->count, last = count + degree;
-    if (count <= degree || knots[0] != R(0) || !(knots[last] > R(0))) return false;
-    for (unsigned i = 0; i < last; i++)
-        if (!(knots[i] <= knots[i + 1])) return false;
-    for (unsigned i = 1; i < count; i++)
-        if (!(knots[i] < knots[i + degree])) return false;
-    curve->plain = degree == 3;
-    for (unsigned i = 0; i < count; i++) {
-        if (!(curve->hw[i] > R(0))) return false;
-        if (curve->hw[i] != R(1)) curve->plain = false;
-    }
-    curve->span = (uint16_t)degree;
-    curve->cells = 0;
-    curve->piece = 0;
-    curve->x = curve->y = curve->dx = curve->dy = R(0);
-    curve->cell_begin = curve->cell_end = SF_INF;
-    for (int i = 0; i < 2; i++) curve->pieces[i].begin = curve->pieces[i].end = SF_INF;
-    return true;
-}
-
 /* Expand one coordinate of the span in powers of u minus the span's first knot: De Boor's algorithm
    on polynomials instead of numbers. */
 SHARED static void expand(const sf_curve *curve, const sf_real *points, sf_real *powers) {
@@ -64,11 +42,14 @@ SHARED static void expand(const sf_curve *curve, const sf_real *points, sf_real 
 
 /* The polynomials at u, from the two that are kept or newly expanded into the older one. */
 static sf_piece *piece_at(sf_curve *curve, sf_real u) {
-    sf_piece *piece = &curve->pieces[curve->piece];
-    if (piece->begin <= u && u < piece->end) return piece;
+    sf_piece *piece;
+    for (int i = 0; i < 2; i++) {
+        piece = &curve->pieces[curve->piece];
+        if (piece->begin <= u && u < piece->end) return piece;
+        curve->piece ^= 1;
+    }
     curve->piece ^= 1;
     piece = &curve->pieces[curve->piece];
-    if (piece->begin <= u && u < piece->end) return piece;
     unsigned span = curve->span, last = curve->count - 1u;
     while (span < last && u >= curve->knots[span + 1]) span++;
     while (span > curve->degree && u < curve->knots[span]) span--;
@@ -81,63 +62,61 @@ static sf_piece *piece_at(sf_curve *curve, sf_real u) {
     return piece;
 }
 
-/* The value of a cubic at t; returns its derivative. */
-SHARED static sf_real cubic_at(const sf_real *p, sf_real t, sf_real *value) {
-    sf_real cubic = p[3] * t, square = cubic + p[2], slope = square * t + p[1];
-    *value = slope * t + p[0];
-    return (cubic + square) * t + slope;
+/* The value of a polynomial at t, and its derivative, by Horner's rule. */
+SHARED static sf_real value_at(const sf_real *powers, int degree, sf_real t, sf_real *slope) {
+    sf_real value = powers[degree], rate = R(0);
+    if (degree == 3) { /* As nearly always: the same, without a loop. */
+        rate = value * t;
+        sf_real square = rate + powers[2];
+        value = square * t + powers[1];
+        *slope = (rate + square) * t + value;
+        return value * t + powers[0];
+    }
+    while (degree-- > 0) {
+        rate = rate * t + value;
+        value = value * t + powers[degree];
+    }
+    *slope = rate;
+    return value;
 }
 
 SHARED static void evaluate(sf_curve *curve, sf_real u) {
-    sf_real last = curve->knots[curve->count + curve->degree];
-    u = sf_least(sf_most(u, R(0)), last);
+    int degree = curve->degree;
+    u = sf_clamp(u, R(0), curve->knots[curve->count + degree]);
     const sf_piece *piece = piece_at(curve, u);
     sf_real t = u - piece->begin;
-    if (curve->plain) {
-        curve->dx = cubic_at(piece->x, t, &curve->x);
-        curve->dy = cubic_at(piece->y, t, &curve->y);
-        return;
-    }
-    sf_real x = R(0), y = R(0), w = R(0), dx = R(0), dy = R(0), dw = R(0);
-    for (int i = curve->degree; i >= 0; i--) {
-        dx = dx * t + x;
-        dy = dy * t + y;
-        dw = dw * t + w;
-        x = x * t + piece->x[i];
-        y = y * t + piece->y[i];
-        w = w * t + piece->w[i];
-    }
-    curve->x = x = x / w;
-    curve->y = y = y / w;
-    curve->dx = (dx - dw * x) / w;
-    curve->dy = (dy - dw * y) / w;
+    curve->x = value_at(piece->x, degree, t, &curve->dx);
+    curve->y = value_at(piece->y, degree, t, &curve->dy);
+    if (curve->plain) return;
+    sf_real dw, w = value_at(piece->w, degree, t, &dw);
+    curve->x /= w;
+    curve->y /= w;
+    curve->dx = (curve->dx - dw * curve->x) / w;
+    curve->dy = (curve->dy - dw * curve->y) / w;
 }
 
-static void find_cell(sf_curve *curve, sf_real s) {
-    const sf_cell *table = curve->table;
-    unsigned cell = 0, end = curve->cells, last = end - 1u;
+SHARED sf_real sf_on_curve(const sf_curve *curve, sf_real s) {
+    return sf_clamp(s, R(0), curve->length);
+}
+
+static const sf_cell *find_cell(const sf_curve *curve, sf_real s) {
+    unsigned cell = 0, end = (unsigned)(curve->last - curve->table);
     while (end - cell > 1) {
         unsigned middle = (cell + end) / 2;
-        if (s >= table[middle].s) cell = middle;
+        if (s >= curve->table[middle].s) cell = middle;
         else end = middle;
     }
-    sf_real size = table[cell + 1].s - table[cell].s;
-    curve->cell_size = size;
-    curve->cell_u0 = curve->table[cell].u;
-    curve->cell_u1 = curve->table[cell + 1].u;
-    curve->cell_m0 = (sf_real)curve->table[cell].slope * size;
-    curve->cell_m1 = (sf_real)curve->table[cell + 1].slope * size;
-    curve->cell_begin = table[cell].s;
-    curve->cell_end = cell < last ? table[cell + 1].s : SF_INF;
+    return &curve->table[cell];
 }
 
 void sf_curve_place(sf_curve *curve, sf_real s) {
-    if (s < R(0)) s = R(0);
-    else if (s > curve->length) s = curve->length;
-    if (!(curve->cell_begin <= s && s < curve->cell_end)) find_cell(curve, s);
-    sf_real part = (s - curve->cell_begin) / curve->cell_size, rest = R(1) - part;
-    sf_real value = rest * rest * ((R(1) + R(2) * part) * curve->cell_u0 + part * curve->cell_m0);
-    sf_real more = (R(3) - R(2) * part) * curve->cell_u1 - rest * curve->cell_m1;
+    s = sf_on_curve(curve, s);
+    const sf_cell *cell = curve->cell;
+    if (!(cell->s <= s && s < cell[1].s)) cell = curve->cell = find_cell(curve, s);
+    sf_real size = cell[1].s - cell->s, part = (s - cell->s) / size, rest = R(1) - part;
+    sf_real m0 = (sf_real)cell->slope * size, m1 = (sf_real)cell[1].slope * size;
+    sf_real value = rest * rest * ((R(1) + R(2) * part) * cell->u + part * m0);
+    sf_real more = (R(3) - R(2) * part) * cell[1].u - rest * m1;
     evaluate(curve, value + part * part * more);
 }
 
@@ -146,47 +125,58 @@ SHARED static sf_real speed(sf_curve *curve, sf_real u) {
     return SF_SQRT(curve->dx * curve->dx + curve->dy * curve->dy);
 }
 
-void sf_measure_begin(sf_plan *plan, sf_curve *curve) {
-    unsigned spans = 0;
-    for (unsigned i = 0; i < curve->count + curve->degree; i++)
-        spans += curve->knots[i] < curve->knots[i + 1];
-    unsigned parts = MOST_CELLS / spans;
+/* The cell that ends the table: its parameter, arc length, and slope. */
+SHARED static void end_table(sf_curve *curve, sf_real u, sf_real s) {
+    sf_cell *cell = curve->last;
+    cell->u = u;
+    cell->s = s;
+    cell->slope = (float)(R(1) / sf_most(speed(curve, u), R(1e-9)));
+}
+
+bool sf_curve_begin(sf_plan *plan, sf_curve *curve) {
+    const sf_real *knots = curve->knots;
+    unsigned degree = curve->degree, count = curve->count, last = count + degree, spans = 0;
+    if (count <= degree || knots[0] != R(0) || !(knots[last] > R(0))) return false;
+    curve->plain = degree == 3;
+    for (unsigned i = 0; i < last; i++) {
+        if (!(knots[i] <= knots[i + 1])) return false;
+        spans += knots[i] < knots[i + 1];
+        if (i >= count) continue;
+        if (i > 0 && !(knots[i] < knots[i + degree])) return false;
+        if (!(curve->hw[i] > R(0))) return false;
+        if (curve->hw[i] != R(1)) curve->plain = false;
+    }
+    unsigned parts = MOST_CELLS / spans, most = SF_CELLS / spans;
     if (parts < LEAST_CELLS_PER_SPAN) parts = LEAST_CELLS_PER_SPAN;
-    if (parts > CELLS_PER_SPAN) parts = CELLS_PER_SPAN;
-    if (parts > SF_CELLS / spans) parts = SF_CELLS / spans;
-    plan->parts = (uint16_t)parts;
-    plan->span = 0;
-    plan->part = 0;
-    plan->previous = R(0);
-    curve->table[0].u = curve->table[0].s = R(0);
-    curve->table[0].slope = (float)(R(1) / sf_most(speed(curve, R(0)), R(1e-9)));
+    if (most > CELLS_PER_SPAN) most = CELLS_PER_SPAN;
+    plan->parts = (uint16_t)(parts < most ? parts : most);
+    curve->span = (uint16_t)degree;
+    plan->span = (uint16_t)(degree + 1);
+    curve->cell = curve->last = curve->table;
+    curve->pieces[0].begin = curve->pieces[1].begin = SF_INF;
+    end_table(curve, R(0), R(0));
+    return true;
 }
 
 bool sf_measure_cell(sf_plan *plan, sf_curve *curve) {
-    unsigned knots = curve->count + curve->degree + 1u;
-    while (plan->span < knots && !(curve->knots[plan->span] > plan->previous)) plan->span++;
-    if (plan->span == knots) {
-        curve->length = curve->table[curve->cells].s;
-        return false;
+    const sf_real *knot = &curve->knots[plan->span];
+    curve->length = curve->last->s;
+    if (plan->span > curve->count) return false;
+    unsigned parts = plan->parts, part = plan->at++;
+    sf_real step = (*knot - knot[-1]) / (sf_real)parts, u0 = knot[-1] + (sf_real)part * step;
+    sf_real u1 = u0 + step, size = R(0);
+    if (part + 1 >= parts) { /* Go on with the next span, which ends at a greater knot. */
+        u1 = *knot;
+        plan->at = 0;
+        do plan->span++;
+        while (plan->span <= curve->count && !(curve->knots[plan->span] > u1));
     }
-    sf_real knot = curve->knots[plan->span], step = (knot - plan->previous) / (sf_real)plan->parts;
-    sf_real u0 = plan->previous + (sf_real)plan->part * step;
-    bool last = plan->part + 1u >= plan->parts;
-    sf_real u1 = last ? knot : u0 + step, size = R(0);
-    for (int i = 0; i < 5; i++)
-        size += GAUSS[i][1] * speed(curve, R(0.5) * (u0 + u1) + R(0.5) * (u1 - u0) * GAUSS[i][0]);
-    size *= R(0.5) * (u1 - u0);
+    sf_real middle = R(0.5) * (u0 + u1), half = R(0.5) * (u1 - u0);
+    for (int i = 0; i < 5; i++) size += GAUSS[i][1] * speed(curve, middle + half * GAUSS[i][0]);
+    size *= half;
     if (size > R(0)) {
-        unsigned cell = curve->cells;
-        curve->table[cell + 1].u = u1;
-        curve->table[cell + 1].s = curve->table[cell].s + size;
-        curve->table[cell + 1].slope = (float)(R(1) / sf_most(speed(curve, u1), R(1e-9)));
-        curve->cells++;
-    }
-    plan->part++;
-    if (last) {
-        plan->part = 0;
-        plan->previous = knot;
+        curve->last++;
+        end_table(curve, u1, curve->length + size);
     }
     return true;
 }

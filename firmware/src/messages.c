@@ -8,54 +8,69 @@
 #define MOST_REASON 200
 #define MOST_MESSAGE 4000
 #define PROTOCOL_VERSION 3
-
-enum { HELLO = 1, PLAN = 2, COMMAND = 3, REPORT = 4, CLOCK = 5, REFUSAL = 6 };
+#define SF_UNANSWERED INT64_MIN /* no message can name this time */
 
 /* ---- reading ---- */
 
-static bool hear_command(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
-    sf_command command = {.authority_ms = SF_UNSAID, .next_authority_ms = SF_UNSAID};
-    uint32_t first = 0, last = UINT32_MAX;
-    int64_t headroom_ms = 0;
-    sf_get_small(reader, COMMAND, COMMAND);
-    command.boot = sf_get_counter(reader);
-    command.term = sf_get_counter(reader);
-    command.sequence = sf_get_counter(reader);
-    command.epoch = sf_get_counter(reader);
-    command.phase = (uint8_t)sf_get_small(reader, 0, 4);
-    command.start_ns = sf_get_stamp(reader);
-    command.said_ns = sf_get_stamp(reader);
-    if (reader->left) headroom_ms = sf_get_ms(reader);
-    uint32_t held = reader->left ? sf_get_array(reader) : 0;
-    if (held > MOST_HELD) return false;
-    uint32_t left = reader->left;
-    for (; held > 0; held--) {
-        reader->left = 1;
+#define FIELD(kind, type, name) {(kind), offsetof(type, name)}
+#define COUNT(fields) (sizeof(fields) / sizeof *(fields))
+
+typedef struct {
+    uint32_t number;
+    int32_t time_ms;
+} held;
+
+static const sf_field COMMAND_FIELDS[] = {
+    FIELD(SF_U32, sf_command, boot), FIELD(SF_U32, sf_command, term),
+    FIELD(SF_U32, sf_command, sequence), FIELD(SF_U32, sf_command, epoch),
+    FIELD(SF_U8, sf_command, phase), FIELD(SF_STAMP, sf_command, start_ns),
+    FIELD(SF_STAMP, sf_command, said_ns), FIELD(SF_I32 | SF_OPTIONAL, sf_command, headroom_ms),
+    FIELD(SF_U32 | SF_OPTIONAL, sf_command, first), FIELD(SF_U32 | SF_OPTIONAL, sf_command, last),
+    FIELD(SF_U32 | SF_OPTIONAL, sf_command, run),
+};
+static const sf_field HELD_FIELDS[] = {FIELD(SF_U32, held, number), FIELD(SF_I32, held, time_ms)};
+
+static const sf_field CLOCK_FIELDS[] = {
+    FIELD(SF_U32, sf_answer, boot), FIELD(SF_STAMP, sf_answer, sent_ns),
+    FIELD(SF_STAMP | SF_NULLABLE, sf_answer, received_ns),
+    FIELD(SF_STAMP | SF_NULLABLE, sf_answer, answered_ns),
+    FIELD(SF_U32 | SF_OPTIONAL, sf_answer, coordinator),
+};
+
+static const sf_field REFUSAL_FIELDS[] = {{SF_U32, 0}};
+
+/* Begin a list that may be left out: return its length, and how many elements are left behind it. */
+SHARED static uint32_t open_list(sf_reader *reader, uint32_t most, uint32_t *left) {
+    uint32_t count = reader->left ? sf_get_array(reader) : 0;
+    *left = reader->left;
+    if (count > most) reader->bad = true;
+    reader->left = UINT32_MAX;
+    return reader->bad ? 0 : count;
+}
+
+SHARED static bool hear_command(sf_agent *agent, sf_reader *reader) {
+    sf_command command = {.authority_ms = {SF_UNSAID, SF_UNSAID}, .last = UINT32_MAX};
+    const uint32_t numbers[2] = {agent->number, agent->next_number};
+    uint32_t left, length;
+    held pair;
+    sf_get_fields(reader, &command, COMMAND_FIELDS, 8);
+    for (uint32_t count = open_list(reader, MOST_HELD, &left); count > 0; count--) {
         if (sf_get_array(reader) != 2) return false;
-        reader->left = 2;
-        uint32_t number = sf_get_counter(reader);
-        int64_t time_ms = sf_get_ms(reader);
-        if (number == agent->number && command.authority_ms == SF_UNSAID)
-            command.authority_ms = time_ms;
-        if (number == agent->next_number && command.next_authority_ms == SF_UNSAID)
-            command.next_authority_ms = time_ms;
+        sf_get_fields(reader, &pair, HELD_FIELDS, 2);
+        for (int i = 0; i < 2; i++)
+            if (pair.number == numbers[i] && command.authority_ms[i] == SF_UNSAID)
+                command.authority_ms[i] = pair.time_ms;
     }
     reader->left = left;
-    if (reader->left) first = sf_get_counter(reader);
-    if (reader->left) last = sf_get_counter(reader);
-    uint32_t wanted = reader->left ? sf_get_array(reader) : 0;
-    if (wanted > MOST_WANTED) return false;
-    left = reader->left;
-    for (; wanted > 0; wanted--) {
-        uint32_t length;
-        reader->left = 1;
+    sf_get_fields(reader, &command, COMMAND_FIELDS + 8, 2);
+    for (uint32_t count = open_list(reader, MOST_WANTED, &left); count > 0; count--) {
         const uint8_t *text = sf_get_text(reader, &length);
         if (!sf_is_id(text, length)) return false;
-        command.wanted = command.wanted || sf_is_named(sf_robot_of(agent)->id, text, length);
+        if (sf_is_named(ROBOT(agent)->id, text, length)) command.wanted = true;
     }
     reader->left = left;
-    if (reader->left) command.run = sf_get_counter(reader);
-    if (!sf_close(reader)) return false;
+    sf_get_fields(reader, &command, COMMAND_FIELDS + 10, 1);
+    if (!sf_close(reader) || command.phase > STOP) return false;
     if (agent->newest_term == command.term && agent->newest_boot == command.boot &&
         agent->newest_sequence >= command.sequence)
         return true;
@@ -63,79 +78,75 @@ static bool hear_command(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
     agent->newest_boot = command.boot;
     agent->newest_sequence = command.sequence;
     int64_t plan_ns = sf_difference(command.said_ns, command.start_ns);
-    int64_t all_ms = sf_floor_ratio(plan_ns, MILLISECOND) + headroom_ms;
-    if (command.authority_ms == SF_UNSAID) command.authority_ms = all_ms;
-    if (command.next_authority_ms == SF_UNSAID) command.next_authority_ms = all_ms;
-    if (agent->number < first || agent->number > last) command.authority_ms = SF_UNSAID;
-    if (agent->next_number < first || agent->next_number > last)
-        command.next_authority_ms = SF_UNSAID;
-    sf_hear_command(agent, &command, now_ns);
+    int64_t all_ms = sf_floor_ratio(plan_ns, MILLISECOND) + command.headroom_ms;
+    for (int i = 0; i < 2; i++) {
+        if (command.authority_ms[i] == SF_UNSAID) command.authority_ms[i] = all_ms;
+        if (numbers[i] < command.first || numbers[i] > command.last)
+            command.authority_ms[i] = SF_UNSAID;
+    }
+    sf_hear_command(agent, &command);
     return true;
 }
 
 static bool hear_refusal(sf_agent *agent, sf_reader *reader) {
-    uint32_t length, characters = 0;
-    sf_get_small(reader, REFUSAL, REFUSAL);
-    uint32_t boot = sf_get_counter(reader);
+    uint32_t length, characters = 0, boot = 0;
+    sf_get_fields(reader, &boot, REFUSAL_FIELDS, 1);
     const uint8_t *reason = sf_get_text(reader, &length);
     for (uint32_t i = 0; i < length; i++) characters += (reason[i] & 0xC0) != 0x80;
     if (characters > MOST_REASON || !sf_close(reader)) return false;
-    if (boot == sf_robot_of(agent)->boot) agent->refused = true;
+    if (boot == ROBOT(agent)->boot) agent->refused = true;
     return true;
 }
 
-static bool hear_clock(sf_agent *agent, sf_reader *reader, int64_t now_ns) {
-    int64_t stamps[2] = {0, 0};
-    bool answered = true;
-    sf_get_small(reader, CLOCK, CLOCK);
-    uint32_t boot = sf_get_counter(reader);
-    int64_t sent_ns = sf_get_stamp(reader);
-    for (int i = 0; i < 2; i++) {
-        if (reader->left == 0 || sf_get_nil(reader)) answered = false;
-        else stamps[i] = sf_get_stamp(reader);
-    }
-    uint32_t coordinator = reader->left ? sf_get_counter(reader) : 0;
+static bool hear_clock(sf_agent *agent, sf_reader *reader) {
+    sf_answer answer;
+    sf_clear(&answer, sizeof answer);
+    answer.received_ns = answer.answered_ns = SF_UNANSWERED;
+    sf_get_fields(reader, &answer, CLOCK_FIELDS, COUNT(CLOCK_FIELDS));
     if (!sf_close(reader)) return false;
-    if (answered && boot == sf_robot_of(agent)->boot)
-        sf_hear_clock(agent, coordinator, sent_ns, stamps[0], stamps[1], now_ns);
+    bool answered = answer.received_ns != SF_UNANSWERED && answer.answered_ns != SF_UNANSWERED;
+    if (answered && answer.boot == ROBOT(agent)->boot) sf_hear_clock(agent, &answer);
     return true;
 }
 
 bool sf_hear(sf_agent *agent, int kind, const uint8_t *bytes, size_t length, int64_t now_ns) {
-    sf_reader reader, tag;
+    sf_reader reader;
+    agent->clock.now_ns = now_ns;
     if (length > MOST_MESSAGE) return false;
-    sf_open(&reader, bytes, length);
-    tag = reader;
-    switch (kind) {
-    case SF_COMMAND: return hear_command(agent, &reader, now_ns);
-    case SF_CLOCK: return hear_clock(agent, &reader, now_ns);
-    case SF_PLAN:
-        if (sf_get_small(&tag, PLAN, REFUSAL) == REFUSAL) return hear_refusal(agent, &reader);
-        return !tag.bad && sf_hear_plan(agent, bytes, length);
-    default: return false;
-    }
+    uint32_t tag = sf_open(&reader, bytes, length);
+    if (kind == SF_COMMAND && tag == COMMAND) return hear_command(agent, &reader);
+    if (kind == SF_CLOCK && tag == CLOCK) return hear_clock(agent, &reader);
+    if (kind == SF_PLAN && tag == REFUSAL) return hear_refusal(agent, &reader);
+    return kind == SF_PLAN && tag == PLAN && sf_hear_plan(agent, bytes, length);
 }
 
 /* ---- writing ---- */
 
-SHARED static uint8_t *put(uint8_t *at, uint8_t head, uint64_t bits, int bytes) {
-    *at++ = head;
-    while (bytes--) *at++ = (uint8_t)(bits >> (8 * bytes));
-    return at;
+enum { ARRAY_HEAD = 0x90, NIL = 0xC0 };
+
+SHARED static uint8_t *put(uint8_t *at, int head, uint64_t bits, int bytes) {
+    *at = (uint8_t)head;
+    for (int i = bytes; i > 0; i--, bits >>= 8) at[i] = (uint8_t)bits;
+    return at + 1 + bytes;
 }
 
-SHARED static uint8_t *put_int(uint8_t *at, int64_t value) {
-    uint64_t bits = (uint64_t)value;
-    if (value >= -32 && value < 128) return put(at, (uint8_t)bits, 0, 0);
-    if (value < 0) {
-        int size = value >= INT8_MIN ? 0 : value >= INT16_MIN ? 1 : value >= INT32_MIN ? 2 : 3;
-        return put(at, (uint8_t)(0xD0 + size), bits, 1 << size);
-    }
-    int size = value <= UINT8_MAX ? 0 : value <= UINT16_MAX ? 1 : value <= UINT32_MAX ? 2 : 3;
-    return put(at, (uint8_t)(0xCC + size), bits, 1 << size);
+/* One byte: a small number, a head, or nothing. */
+static uint8_t *put_byte(uint8_t *at, int byte) {
+    *at = (uint8_t)byte;
+    return at + 1;
 }
 
-SHARED static uint8_t *put_nil(uint8_t *at) { return put(at, 0xC0, 0, 0); }
+SHARED static uint8_t *put_long(uint8_t *at, int64_t value) {
+    uint64_t most = value < 0 ? ~(uint64_t)value << 1 : (uint64_t)value;
+    uint32_t low = (uint32_t)most;
+    if (value >= -32 && value < 128) return put_byte(at, (int)value);
+    int size = most >> 32 ? 3 : low >> 16 ? 2 : low >> 8 ? 1 : 0;
+    return put(at, (value < 0 ? 0xD0 : 0xCC) + size, (uint64_t)value, 1 << size);
+}
+
+SHARED static uint8_t *put_int(uint8_t *at, int32_t value) { return put_long(at, value); }
+
+SHARED static uint8_t *put_count(uint8_t *at, uint32_t value) { return put_long(at, value); }
 
 static uint8_t *put_double(uint8_t *at, double value) {
     union {
@@ -161,54 +172,61 @@ static uint8_t *put_real(uint8_t *at, sf_real value) {
 #endif
 }
 
-static uint8_t *put_array(uint8_t *at, int count) { return put(at, (uint8_t)(0x90 + count), 0, 0); }
+/* Begin a message; all of them have fewer than 16 elements. */
+static uint8_t *put_tag(uint8_t *at, int count, int tag) {
+    return put_byte(put_byte(at, ARRAY_HEAD + count), tag);
+}
+
+SHARED static uint8_t *put_milli(uint8_t *at, sf_real value) {
+    return put_long(at, sf_nearest(R(1000) * value));
+}
 
 static uint8_t *put_hello(uint8_t *at, const sf_agent *agent) {
-    const sf_robot *robot = sf_robot_of(agent);
-    at = put_int(put_array(at, 11), HELLO);
-    at = put_int(put_int(at, PROTOCOL_VERSION), robot->boot);
-    at = put_double(put_double(at, robot->radius), robot->max_speed);
-    at = put_double(at, robot->max_accel);
+    const sf_robot *robot = ROBOT(agent);
+    at = put_byte(put_tag(at, 11, HELLO), PROTOCOL_VERSION);
+    at = put_double(put_count(at, robot->boot), robot->radius);
+    at = put_double(put_double(at, robot->max_speed), robot->max_accel);
     bool may_tell = agent->leader.phase == FREEZE || agent->leader.asks;
-    if (agent->has_pose && may_tell && !sf_has_driven(agent)) {
-        at = put_int(put_array(at, 3), sf_nearest(R(1000) * agent->x));
-        at = put_int(put_int(at, sf_nearest(R(1000) * agent->y)),
-                     sf_nearest(R(1000) * agent->heading));
+    if (agent->has_pose && may_tell && agent->spent_epoch == 0) {
+        at = put_milli(put_byte(at, ARRAY_HEAD + 3), agent->pose.x);
+        at = put_milli(put_milli(at, agent->pose.y), agent->pose.heading);
     } else {
-        at = put_nil(at);
+        at = put_byte(at, NIL);
     }
-    at = put_int(put_int(at, agent->hellos), SF_POINTS);
-    return put_int(put_int(at, SF_STOPS), SF_BYTES);
+    at = put_count(put_count(at, agent->hellos), SF_POINTS);
+    return put_count(put_count(at, SF_STOPS), SF_BYTES);
 }
 
 static uint8_t *put_report(uint8_t *at, const sf_agent *agent) {
     const sf_rest *rest = &agent->rest;
-    at = put_int(put_int(put_array(at, 11), REPORT), sf_robot_of(agent)->boot);
-    at = put_int(put_int(at, agent->report_sequence), agent->epoch);
-    at = put_int(put_int(at, agent->phase), agent->fault);
+    at = put_count(put_tag(at, 11, REPORT), ROBOT(agent)->boot);
+    at = put_count(put_count(at, agent->report_sequence), agent->epoch);
+    at = put_byte(put_byte(at, agent->phase), agent->fault);
     if (agent->report_rest) {
-        at = put_int(put_real(put_array(at, 6), rest->s), rest->epoch);
+        at = put_count(put_real(put_byte(at, ARRAY_HEAD + 6), rest->s), rest->epoch);
         at = put_int(put_int(at, rest->off), rest->turn);
-        at = put_int(put_int(at, rest->beyond), rest->revision);
+        at = put_count(put_int(at, rest->beyond), rest->revision);
     } else {
-        at = put_nil(at);
+        at = put_byte(at, NIL);
     }
-    at = agent->report_stamp_ms == SF_UNSAID ? put_nil(at) : put_int(at, agent->report_stamp_ms);
-    at = put_int(at, agent->report_late);
-    return put_int(put_int(at, agent->revision), agent->holds);
+    if (agent->report_stamp_ms == SF_NO_STAMP) at = put_byte(at, NIL);
+    else at = put_int(at, agent->report_stamp_ms);
+    at = put_count(at, agent->report_late);
+    return put_count(put_count(at, agent->revision), agent->holds);
 }
 
 int sf_speak(sf_agent *agent, int64_t now_ns, uint8_t *bytes, size_t *length) {
     uint8_t *at = bytes;
+    agent->clock.now_ns = now_ns;
     int kind = SF_NOTHING;
-    if (sf_hello_due(agent, now_ns)) {
+    if (sf_hello_due(agent)) {
         at = put_hello(at, agent);
         kind = SF_HELLO;
-    } else if (sf_clock_due(agent, now_ns)) {
-        at = put_int(put_int(put_array(at, 6), CLOCK), sf_robot_of(agent)->boot);
-        at = put_int(put_nil(put_nil(put_int(at, now_ns))), 0);
+    } else if (sf_clock_due(agent)) {
+        at = put_count(put_tag(at, 6, CLOCK), ROBOT(agent)->boot);
+        at = put_byte(put_byte(put_byte(put_long(at, now_ns), NIL), NIL), 0);
         kind = SF_CLOCK;
-    } else if (sf_report_due(agent, now_ns)) {
+    } else if (sf_report_due(agent)) {
         at = put_report(at, agent);
         kind = SF_REPORT;
     }

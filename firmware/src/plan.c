@@ -1,13 +1,16 @@
 /* A Plan message becomes a course, a piece of work per tick: protocol/codec.py, plan_bytes.py,
    plan_parts.py and the constructors of Curve, Timeline and Ride.
 
-   The stages: fields, checksum, their numbers, whether the robot takes it, points, speed knots, stops,
-   legs, arc lengths.  A message that is not acceptable is dropped; one that is, but is no
-   valid course, is told to the agent. */
+   The stages: fields, checksum, their numbers and whether the robot takes it, knots and points, the
+   curve they make, speed knots, stops, legs, arc lengths, the ride, its taking.  A message that is
+   not acceptable is dropped; one that is, but is no valid course, is told to the agent. */
 
 #include "core.h"
 
-enum { NONE, FIELDS, CHECKSUM, NUMBERS, CURVE, MEASURE, SPEED_KNOTS, STOPS, LEGS, CELLS, TAKE };
+enum { NONE, FIELDS, CHECKSUM, NUMBERS, CURVE, MEASURE, SPEED_KNOTS, STOPS, LEGS, CELLS, RIDE,
+       TAKE };
+
+enum { FAILED, AGAIN, NEXT }; /* what a piece of work says of its stage */
 
 enum { POINTS, KNOTS, WEIGHTS, SPEEDS, PROFILE, PACKED_STOPS, FIELDS_PACKED };
 
@@ -16,11 +19,18 @@ static const uint8_t SIZES[FIELDS_PACKED][2] = {{8, 4}, {4, 4}, {4, 4}, {4, 4}, 
 
 enum { SEAL_BYTES = 5, MOST_PACKED = 3600, MOST_MESSAGE = 4000 };
 
-SHARED static uint32_t word(const uint8_t *at) {
+#define FIELD(kind, name) {(kind), offsetof(sf_plan, name)}
+static const sf_field HEAD_FIELDS[] = {FIELD(SF_U32, epoch), FIELD(SF_U32, boot)};
+static const sf_field FIELDS_BEHIND[] = {
+    FIELD(SF_U32, number), FIELD(SF_U32, revision), FIELD(SF_I32, begin_ms), FIELD(SF_STAMP, tau_ns),
+    FIELD(SF_U16, track_mm), FIELD(SF_U32, brake_mmps2), FIELD(SF_U16, clock_ms), FIELD(SF_U8, degree),
+};
+
+static uint32_t word(const uint8_t *at) {
     return at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
 }
 
-SHARED static sf_real real(const uint8_t *at) {
+static sf_real real(const uint8_t *at) {
     union {
         uint32_t bits;
         float value;
@@ -28,280 +38,209 @@ SHARED static sf_real real(const uint8_t *at) {
     return (sf_real)both.value;
 }
 
+static const uint8_t *stop_at(const sf_plan *plan, unsigned i) {
+    return plan->packed[PACKED_STOPS] + 12 * i;
+}
+
 static int64_t departure_ns(const uint8_t *stop) {
     uint64_t bits = (uint64_t)word(stop + 8) << 32 | word(stop + 4);
     return bits >> 63 ? -(int64_t)~bits - 1 : (int64_t)bits;
 }
 
+/* Read the fields, and check what has to hold for the message to be acceptable. */
+static int read_fields(sf_plan *plan, const char *id) {
+    sf_reader reader;
+    uint32_t length;
+    sf_open(&reader, plan->bytes, plan->length);
+    sf_get_fields(&reader, plan, HEAD_FIELDS, 2);
+    const uint8_t *robot = sf_get_text(&reader, &length);
+    if (length == 0 || !sf_is_named(id, robot, length)) return FAILED;
+    sf_get_fields(&reader, plan, FIELDS_BEHIND, 8);
+    if (plan->tau_ns < 0 || plan->tau_ns > 1000 * SECOND || plan->clock_ms < 1) return FAILED;
+    if (plan->degree < 1 || plan->degree > SF_DEGREE) return FAILED;
+    for (int field = 0; field < FIELDS_PACKED; field++) {
+        unsigned size = SIZES[field][0];
+        plan->packed[field] = sf_get_bytes(&reader, &length);
+        if (length > MOST_PACKED || length % size) return FAILED;
+        plan->counts[field] = (uint16_t)(length / size);
+    }
+    return sf_close(&reader) ? NEXT : FAILED;
+}
+
 /* CRC-32 (reflected polynomial 0xEDB88320), half a byte at a time. */
-static uint32_t crc(uint32_t state, uint8_t byte) {
+SHARED static int check_sum(sf_plan *plan) {
     static const uint32_t TABLE[16] = {
         0x00000000, 0x1DB71064, 0x3B6E20C8, 0x26D930AC, 0x76DC4190, 0x6B6B51F4,
         0x4DB26158, 0x5005713C, 0xEDB88320, 0xF00F9344, 0xD6D6A3E8, 0xCB61B38C,
         0x9B64C2B0, 0x86D3D2D4, 0xA00AE278, 0xBDBDF21C,
     };
-    state ^= byte;
-    state = state >> 4 ^ TABLE[state & 15];
-    return state >> 4 ^ TABLE[state & 15];
-}
-
-/* Read the fields, and check what has to hold for the message to be acceptable. */
-static bool read_fields(sf_agent *agent) {
-    sf_plan *plan = &agent->plan;
-    sf_reader reader;
-    sf_open(&reader, plan->bytes, plan->length);
-    sf_get_small(&reader, 2, 2);
-    plan->epoch = sf_get_counter(&reader);
-    plan->boot = sf_get_counter(&reader);
-    uint32_t length;
-    const uint8_t *robot = sf_get_text(&reader, &length);
-    if (length == 0 || !sf_is_named(sf_robot_of(agent)->id, robot, length)) return false;
-    plan->number = sf_get_counter(&reader);
-    plan->revision = sf_get_counter(&reader);
-    plan->begin_ms = sf_get_ms(&reader);
-    sf_get_int(&reader, 0, 1000000000000);
-    plan->track_mm = (uint16_t)sf_get_small(&reader, 0, 65535);
-    plan->brake_mmps2 = sf_get_counter(&reader);
-    plan->clock_ms = (uint16_t)sf_get_small(&reader, 1, 65535);
-    plan->degree = (uint8_t)sf_get_small(&reader, 1, SF_DEGREE);
-    for (int field = 0; field < FIELDS_PACKED; field++) {
-        plan->packed[field] = sf_get_bytes(&reader, &length);
-        if (length > MOST_PACKED || length % SIZES[field][0]) return false;
-        plan->counts[field] = (uint16_t)(length / SIZES[field][0]);
+    uint32_t crc = ~plan->crc, at = plan->at, end = plan->length - SEAL_BYTES;
+    const uint8_t *seal = plan->bytes + end;
+    for (int i = 0; i < 64 && at < end; i++) {
+        crc ^= plan->bytes[at++];
+        crc = crc >> 4 ^ TABLE[crc & 15];
+        crc = crc >> 4 ^ TABLE[crc & 15];
     }
-    return sf_close(&reader);
+    plan->at = (uint16_t)at;
+    crc = plan->crc = ~crc;
+    if (at < end) return AGAIN;
+    bool same = *seal == 0xCE;
+    for (int i = 1; i <= 4; i++, crc <<= 8) same = same && seal[i] == crc >> 24;
+    return same ? NEXT : FAILED;
 }
 
 /* Check the next numbers of the packed fields, `at` bytes into field `stop`. */
-static bool are_finite(sf_plan *plan) {
-    unsigned field = plan->stop;
+SHARED static int check_numbers(sf_plan *plan) {
+    unsigned field = plan->stop, at = plan->at, end = plan->counts[field] * SIZES[field][0];
     const uint8_t *packed = plan->packed[field];
-    for (int i = 0; i < 16 && plan->at < plan->counts[field] * SIZES[field][0]; i++) {
-        const uint8_t *at = packed + plan->at;
-        if ((word(at) & 0x7F800000) == 0x7F800000) return false;
-        if (field == PROFILE && at[4] >= plan->counts[SPEEDS]) return false;
-        plan->at = (uint16_t)(plan->at + SIZES[field][1]);
+    for (int i = 0; i < 16 && at < end; i++, at += SIZES[field][1]) {
+        if ((~word(packed + at) & 0x7F800000) == 0) return FAILED;
+        if (field == PROFILE && packed[at + 4] >= plan->counts[SPEEDS]) return FAILED;
     }
-    if (plan->at < plan->counts[field] * SIZES[field][0]) return true;
-    plan->at = 0;
-    plan->stop++;
-    return true;
+    plan->at = at < end ? (uint16_t)at : 0;
+    plan->stop = (uint16_t)(at < end ? field : field + 1);
+    return plan->stop < FIELDS_PACKED ? AGAIN : NEXT;
 }
 
-/* Fill in the curve's knots; false if they or the points do not fit. */
-static bool read_knots(const sf_plan *plan, sf_curve *curve) {
-    unsigned count = plan->counts[POINTS], degree = plan->degree, inner = plan->counts[KNOTS];
-    const uint8_t *knots = plan->packed[KNOTS];
-    if (count > SF_POINTS || count <= degree || inner != count - degree) return false;
-    if (plan->counts[WEIGHTS] && plan->counts[WEIGHTS] != count) return false;
-    if (plan->counts[PROFILE] > SF_SPEEDS || plan->counts[PACKED_STOPS] > SF_STOPS) return false;
-    curve->degree = plan->degree;
-    curve->count = (uint16_t)count;
-    for (unsigned i = 0; i <= degree; i++) {
-        curve->knots[i] = R(0);
-        curve->knots[count + i] = real(knots + 4 * (inner - 1));
-    }
-    for (unsigned i = 0; i + 1 < inner; i++) curve->knots[degree + 1 + i] = real(knots + 4 * i);
-    return true;
-}
-
-static void read_point(const sf_plan *plan, sf_curve *curve, unsigned i) {
-    const uint8_t *point = plan->packed[POINTS] + 8 * i;
-    sf_real weight = plan->counts[WEIGHTS] ? real(plan->packed[WEIGHTS] + 4 * i) : R(1);
-    curve->hx[i] = real(point) * weight;
-    curve->hy[i] = real(point + 4) * weight;
-    curve->hw[i] = weight;
-}
-
-/* Add a speed knot at place `at`, or before it where it belongs if they are sorted. */
-static bool add_knot(sf_timeline *line, unsigned at, sf_real s, sf_real v, bool sorted) {
-    if (at > SF_LEGS) return false;
-    for (; sorted && at > 0; at--) {
-        sf_real before = line->knots[at - 1].s;
-        if (before < s || (before == s && line->knots[at - 1].v <= v)) break;
-        line->knots[at].s = line->knots[at - 1].s;
-        line->knots[at].v = line->knots[at - 1].v;
-    }
-    line->knots[at].s = s;
-    line->knots[at].v = v;
-    return true;
-}
-
-/* The checks of a Timeline, all but those of its stops. */
-static bool is_profile(sf_timeline *line, unsigned count) {
-    if (count < 2 || line->knots[0].s != R(0)) return false;
-    line->most_v = R(0);
-    for (unsigned i = 0; i < count; i++) {
-        if (!(line->knots[i].v >= R(0)) || !(line->knots[i].v < R(1e3))) return false;
-        if (i && !(line->knots[i].s > line->knots[i - 1].s)) return false;
-        if (i && !(line->knots[i].v + line->knots[i - 1].v > R(0))) return false;
-        line->most_v = sf_most(line->most_v, line->knots[i].v);
-    }
-    line->length = line->knots[count - 1].s;
-    line->legs = line->leg = 0;
-    line->leg_from = line->leg_to = SF_INF;
-    return true;
-}
-
-static bool are_stops(const sf_plan *plan, const sf_timeline *line) {
-    sf_real before = R(-1);
-    for (unsigned i = 0; i < plan->counts[PACKED_STOPS]; i++) {
-        const uint8_t *stop = plan->packed[PACKED_STOPS] + 12 * i;
-        sf_real s = real(stop);
-        int64_t depart_ns = departure_ns(stop);
-        if (!(s >= R(0)) || !(s < line->length) || !(s > before)) return false;
-        if (depart_ns <= -1000000 * SECOND || depart_ns >= 1000000 * SECOND) return false;
-        before = s;
-    }
-    return true;
-}
-
-/* Add the legs up to the next speed knot, with the stops between. */
-static bool add_legs(sf_plan *plan, sf_course *course) {
-    sf_timeline *line = &course->timeline;
-    unsigned first = line->legs, count = plan->at;
-    sf_real s = line->knots[first].s, v = line->knots[first].v, time = plan->time;
-    sf_real end_s = line->knots[first + 1].s, end_v = line->knots[first + 1].v;
-    sf_real slope = (end_v * end_v - v * v) / (end_s - s);
-    for (; plan->stop < plan->counts[PACKED_STOPS]; plan->stop++) {
-        const uint8_t *stop = plan->packed[PACKED_STOPS] + 12 * plan->stop;
-        sf_real stop_s = real(stop);
-        if (!(stop_s < end_s)) break;
-        if (stop_s > s) {
-            sf_real next_v = SF_SQRT(sf_most(v * v + slope * (stop_s - s), R(0)));
-            if (count > SF_LEGS) return false;
-            for (unsigned i = count++; i > line->legs + 1u; i--) {
-                line->knots[i].s = line->knots[i - 1].s;
-                line->knots[i].v = line->knots[i - 1].v;
-            }
-            line->knots[line->legs + 1].s = stop_s;
-            line->knots[line->legs + 1].v = next_v;
-            if (!sf_timeline_leg(line, time, stop_s, next_v)) return false;
-            time = line->finish;
-            s = stop_s;
-            v = next_v;
-        }
-        int64_t origin_ns = course->origin_ms * MILLISECOND;
-        time = sf_most(time, sf_seconds_of_ns(departure_ns(stop) - origin_ns));
-    }
-    if (!sf_timeline_leg(line, time, end_s, end_v)) return false;
-    plan->time = line->finish;
-    plan->at = (uint16_t)count;
-    return true;
-}
-
-static void begin_course(sf_plan *plan, sf_course *course) {
+static void begin_course(const sf_plan *plan, sf_course *course) {
+    sf_clear(course, offsetof(sf_course, timeline));
     course->begin_ms = plan->begin_ms;
-#ifdef SF_DOUBLE
-    course->origin_ms = 0;
-#else
+#ifndef SF_DOUBLE
     course->origin_ms = plan->begin_ms;
 #endif
-    course->begin = plan->time = sf_time_of_ms(course, plan->begin_ms);
+    course->begin = course->timeline.finish = sf_time_of_ms(course, plan->begin_ms);
+    course->timeline.most_v = R(0);
+    course->timeline.leg = course->timeline.next = course->timeline.end = course->timeline.knots;
+    course->curve.degree = plan->degree;
+    course->curve.count = plan->counts[POINTS];
 }
 
-static bool is_sealed(const sf_plan *plan) {
-    const uint8_t *seal = plan->bytes + plan->length - SEAL_BYTES;
-    for (int i = 0; i < 4; i++)
-        if (seal[1 + i] != (uint8_t)(~plan->crc >> (24 - 8 * i))) return false;
-    return seal[0] == 0xCE;
+/* Whether all there is fits a course, and each other. */
+static bool fits(const sf_plan *plan) {
+    unsigned count = plan->counts[POINTS], weights = plan->counts[WEIGHTS];
+    if (count > SF_POINTS || count <= plan->degree) return false;
+    if (plan->counts[KNOTS] != count - plan->degree || (weights && weights != count)) return false;
+    return plan->counts[PROFILE] <= SF_SPEEDS && plan->counts[PACKED_STOPS] <= SF_STOPS;
 }
 
-/* Go on in the present stage, or to the next one; false if the Plan is no valid course. */
-static bool go_on(sf_agent *agent, sf_course *course) {
-    sf_plan *plan = &agent->plan;
-    sf_curve *curve = &course->curve;
-    sf_timeline *line = &course->timeline;
-    bool braking = plan->brake_mmps2 > 0;
-    const uint8_t *knot;
+/* Read one more knot and control point. */
+static int read_curve(sf_plan *plan, sf_curve *curve) {
+    unsigned i = plan->at++, degree = plan->degree, last = plan->counts[KNOTS] - 1u;
+    if (i == 0 && !fits(plan)) return FAILED;
+    unsigned knot = i - degree - 1;
+    if (knot > last) knot = last;
+    curve->knots[i] = i > degree ? real(plan->packed[KNOTS] + 4 * knot) : R(0);
+    if (i < curve->count) {
+        const uint8_t *point = plan->packed[POINTS] + 8 * i;
+        sf_real weight = plan->counts[WEIGHTS] ? real(plan->packed[WEIGHTS] + 4 * i) : R(1);
+        curve->hx[i] = real(point) * weight;
+        curve->hy[i] = real(point + 4) * weight;
+        curve->hw[i] = weight;
+    }
+    return i < curve->count + degree ? AGAIN : NEXT;
+}
+
+/* Add a speed knot behind the others, or where it belongs if they are sorted. */
+SHARED static bool add_knot(sf_timeline *line, sf_real s, sf_real v, bool sorted) {
+    sf_knot *knot = line->end;
+    if (knot > line->knots + SF_LEGS) return false;
+    line->end++;
+    for (; sorted && knot > line->knots; knot--) {
+        if (knot[-1].s < s || (knot[-1].s == s && knot[-1].v <= v)) break;
+        *knot = knot[-1];
+    }
+    knot->s = s;
+    knot->v = v;
+    return true;
+}
+
+static int read_speed(sf_plan *plan, sf_timeline *line) {
+    if (plan->at == plan->counts[PROFILE]) return NEXT;
+    const uint8_t *knot = plan->packed[PROFILE] + 5 * plan->at++;
+    sf_real v = real(plan->packed[SPEEDS] + 4 * knot[4]);
+    return add_knot(line, real(knot), v, plan->brake_mmps2 > 0) ? AGAIN : FAILED;
+}
+
+/* Where a robot brakes, its stops are speed knots. */
+static int read_stop(sf_plan *plan, sf_timeline *line) {
+    if (!plan->brake_mmps2 || plan->at == plan->counts[PACKED_STOPS])
+        return line->end >= line->knots + 2 && line->knots[0].s == R(0) ? NEXT : FAILED;
+    sf_real s = real(stop_at(plan, plan->at++));
+    return !(s > R(0)) || add_knot(line, s, R(0), true) ? AGAIN : FAILED;
+}
+
+static bool is_speed(sf_real v) { return v >= R(0) && v < R(1e3); }
+
+/* Add the legs up to the next speed knot, with the stops between. */
+static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
+    sf_real s = line->next->s, v = line->next->v, time = line->finish, before = R(-1);
+    line->length = s;
+    line->most_v = sf_most(line->most_v, v);
+    if (line->next + 1 == line->end) return plan->stop == plan->counts[PACKED_STOPS] ? NEXT : FAILED;
+    sf_real end_s = line->next[1].s, end_v = line->next[1].v;
+    if (!(end_s > s) || !is_speed(v) || !is_speed(end_v)) return FAILED;
+    sf_real slope = (end_v * end_v - v * v) / (end_s - s);
+    for (; plan->stop < plan->counts[PACKED_STOPS]; plan->stop++) {
+        const uint8_t *stop = stop_at(plan, plan->stop);
+        sf_real stop_s = real(stop), departs = sf_seconds_of_ns(departure_ns(stop));
+        if (!(stop_s < end_s)) break;
+        if (plan->stop > 0) before = real(stop - 12);
+        if (!(stop_s >= R(0)) || !(stop_s > before) || !(sf_abs(departs) < R(1e6))) return FAILED;
+        if (stop_s > s) {
+            v = SF_SQRT(sf_positive(v * v + slope * (stop_s - s)));
+            s = stop_s;
+            if (!add_knot(line, s, v, true) || !sf_timeline_leg(line, time)) return FAILED;
+            time = line->finish;
+        }
+        time = sf_most(time, sf_seconds_of_ns(departure_ns(stop) - origin_ms * MILLISECOND));
+    }
+    return sf_timeline_leg(line, time) ? AGAIN : FAILED;
+}
+
+/* Do one piece of the work on a Plan. */
+SHARED static int work_on(sf_agent *agent, sf_plan *plan, sf_course *course) {
+    const sf_robot *robot = ROBOT(agent);
     switch (plan->stage) {
-    case CURVE:
-        if (plan->at == 0 && !read_knots(plan, curve)) return false;
-        read_point(plan, curve, plan->at++);
-        if (plan->at == curve->count) plan->stage = MEASURE;
-        return true;
-    case MEASURE:
-        if (!sf_curve_begin(curve)) return false;
-        sf_measure_begin(plan, curve);
-        plan->at = plan->stop = 0;
-        plan->stage = SPEED_KNOTS;
-        return true;
-    case SPEED_KNOTS:
-        if (plan->at == plan->counts[PROFILE]) {
-            plan->stage = STOPS;
-            return true;
-        }
-        knot = plan->packed[PROFILE] + 5 * plan->at;
-        return add_knot(line, plan->at++, real(knot), real(plan->packed[SPEEDS] + 4 * knot[4]), braking);
-    case STOPS:
-        if (braking && plan->stop < plan->counts[PACKED_STOPS]) {
-            sf_real s = real(plan->packed[PACKED_STOPS] + 12 * plan->stop++);
-            return !(s > R(0)) || add_knot(line, plan->at++, s, R(0), true);
-        }
-        plan->stop = 0;
-        plan->stage = LEGS;
-        return is_profile(line, plan->at) && are_stops(plan, line);
-    default:
-        if (line->legs + 1u < plan->at) return add_legs(plan, course);
-        plan->stage = CELLS;
-        return true;
+    case FIELDS: return read_fields(plan, robot->id);
+    case CHECKSUM: return check_sum(plan);
+    case NUMBERS: {
+        int done = check_numbers(plan);
+        if (done != NEXT) return done;
+        if (!sf_takes_plan(agent, plan)) return FAILED;
+        plan->course = agent->ride == &agent->courses[0];
+        begin_course(plan, &agent->courses[plan->course]);
+        return NEXT;
     }
-}
-
-/* Do one piece of the work, and return its size; stage NONE: the message was dropped or taken. */
-static int work_on(sf_agent *agent) {
-    static const uint8_t WORK[] = {
-        [FIELDS] = 14, [CHECKSUM] = 18, [NUMBERS] = 6, [CURVE] = 2, [MEASURE] = 40,
-        [SPEED_KNOTS] = 1, [STOPS] = 15, [LEGS] = 3, [CELLS] = 8, [TAKE] = 40,
-    };
-    sf_plan *plan = &agent->plan;
-    const sf_robot *robot = sf_robot_of(agent);
-    sf_course *course = &agent->courses[plan->course];
-    int work = WORK[plan->stage];
-    bool fine = true;
-    switch (plan->stage) {
-    case FIELDS:
-        plan->stage = read_fields(agent) ? CHECKSUM : NONE;
-        break;
-    case CHECKSUM:
-        for (int i = 0; i < 64 && plan->at < plan->length - SEAL_BYTES; i++)
-            plan->crc = crc(plan->crc, plan->bytes[plan->at++]);
-        if (plan->at < plan->length - SEAL_BYTES) break;
-        plan->at = plan->stop = 0;
-        plan->stage = is_sealed(plan) ? NUMBERS : NONE;
-        break;
-    case NUMBERS:
-        if (!are_finite(plan)) plan->stage = NONE;
-        else if (plan->stop == FIELDS_PACKED) {
-            plan->stage = sf_takes_plan(agent, plan) ? CURVE : NONE;
-            plan->at = 0;
-            plan->course = agent->ride == &agent->courses[0];
-            if (plan->stage) begin_course(plan, &agent->courses[plan->course]);
-        }
-        break;
-    case CELLS:
-        if (!course->curve.plain) work = 24;
-        if (!sf_measure_cell(plan, &course->curve)) plan->stage = TAKE;
-        break;
-    case TAKE:
-        fine = sf_ride_begin(course, plan, robot->speed_limit, sf_seconds_of_ns(robot->period_ns));
-        plan->stage = NONE;
-        if (fine) sf_plan_taken(agent, course, true);
-        break;
-    default:
-        fine = go_on(agent, course);
+    case CURVE: return read_curve(plan, &course->curve);
+    case MEASURE: return sf_curve_begin(plan, &course->curve) ? NEXT : FAILED;
+    case SPEED_KNOTS: return read_speed(plan, &course->timeline);
+    case STOPS: return read_stop(plan, &course->timeline);
+    case LEGS: return add_legs(plan, &course->timeline, course->origin_ms);
+    case CELLS: return sf_measure_cell(plan, &course->curve) ? AGAIN : NEXT;
+    case RIDE: {
+        sf_real period = sf_seconds_of_ns(robot->period_ns);
+        return sf_ride_begin(course, plan, robot->speed_limit, period) ? NEXT : FAILED;
     }
-    if (!fine) {
-        plan->stage = NONE;
-        sf_plan_taken(agent, course, false);
+    default: return NEXT;
     }
-    return work;
 }
 
 void sf_read_plan(sf_agent *agent, int work) {
-    while (agent->plan.stage && work > 0) {
-        work -= work_on(agent);
-        if (agent->plan.stage == TAKE) break; /* What is left is enough for a tick of its own. */
+    static const uint8_t WORK[] = {
+        [FIELDS] = 14, [CHECKSUM] = 18, [NUMBERS] = 6, [CURVE] = 2, [MEASURE] = 40,
+        [SPEED_KNOTS] = 1, [STOPS] = 2, [LEGS] = 4, [CELLS] = 8, [RIDE] = 40, [TAKE] = 40,
+    };
+    sf_plan *plan = &agent->plan;
+    while (plan->stage && work > 0) {
+        sf_course *course = &agent->courses[plan->course];
+        unsigned stage = plan->stage;
+        work -= stage == CELLS && !course->curve.plain ? 24 : WORK[stage];
+        int done = work_on(agent, plan, course);
+        if (done == AGAIN) continue;
+        plan->at = plan->stop = 0;
+        plan->stage = done == NEXT && stage < TAKE ? (uint8_t)(stage + 1) : NONE;
+        if (plan->stage == NONE && stage > NUMBERS) sf_plan_taken(agent, course, done == NEXT);
+        if (plan->stage > CELLS) break; /* What is left is enough for two ticks of its own. */
     }
 }
 
@@ -310,7 +249,10 @@ bool sf_is_reading(const sf_agent *agent) { return agent->plan.stage != NONE; }
 bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length) {
     sf_plan *plan = &agent->plan;
     if (sf_is_reading(agent) || length <= SEAL_BYTES || length > MOST_MESSAGE) return false;
-    *plan = (sf_plan){.bytes = bytes, .length = (uint16_t)length, .crc = 0xFFFFFFFF, .stage = FIELDS};
-    while (SF_WORK == 0 && sf_is_reading(agent)) work_on(agent);
+    sf_clear(plan, sizeof *plan);
+    plan->bytes = bytes;
+    plan->length = (uint16_t)length;
+    plan->stage = FIELDS;
+    while (SF_WORK == 0 && sf_is_reading(agent)) sf_read_plan(agent, 1);
     return true;
 }

@@ -8,100 +8,105 @@
 
 enum { INTEGER, ARRAY, MAP, TEXT, BYTES, NIL, OTHER };
 
-/* Of the heads from 0xC0 on: type, then how many bytes hold its size or number, or (from 16 on) how
+/* Of the heads from 0xC0 on: type, then how many bytes hold its size or number, or (from 9 on) how
    many bytes follow at once. */
 #define KIND(type, bytes) ((type) << 5 | (bytes))
+#define THEN(bytes) KIND(OTHER, 9 + (bytes))
+#define NONE 31
 static const uint8_t HEADS[32] = {
-    KIND(NIL, 0), KIND(OTHER, 31), KIND(OTHER, 16), KIND(OTHER, 16),
-    KIND(BYTES, 1), KIND(BYTES, 2), KIND(BYTES, 4),
-    KIND(OTHER, 1), KIND(OTHER, 2), KIND(OTHER, 4),
-    KIND(OTHER, 20), KIND(OTHER, 24),
+    KIND(NIL, 0), KIND(OTHER, NONE), THEN(0), THEN(0), KIND(BYTES, 1), KIND(BYTES, 2), KIND(BYTES, 4),
+    KIND(OTHER, 1), KIND(OTHER, 2), KIND(OTHER, 4), THEN(4), THEN(8),
     KIND(INTEGER, 1), KIND(INTEGER, 2), KIND(INTEGER, 4), KIND(INTEGER, 8),
     KIND(INTEGER, 1), KIND(INTEGER, 2), KIND(INTEGER, 4), KIND(INTEGER, 8),
-    KIND(OTHER, 18), KIND(OTHER, 19), KIND(OTHER, 21), KIND(OTHER, 25), KIND(OTHER, 30),
-    KIND(TEXT, 1), KIND(TEXT, 2), KIND(TEXT, 4), KIND(ARRAY, 2), KIND(ARRAY, 4),
-    KIND(MAP, 2), KIND(MAP, 4),
+    THEN(2), THEN(3), THEN(5), THEN(9), THEN(17), KIND(TEXT, 1), KIND(TEXT, 2), KIND(TEXT, 4),
+    KIND(ARRAY, 2), KIND(ARRAY, 4), KIND(MAP, 2), KIND(MAP, 4),
 };
 
-static uint64_t fail(sf_reader *reader) {
+SHARED static uint64_t fail(sf_reader *reader) {
     reader->bad = true;
     reader->at = reader->end;
     return 0;
 }
 
+static bool lacks(const sf_reader *reader, uint32_t bytes) {
+    return bytes > (size_t)(reader->end - reader->at);
+}
+
 static void pass(sf_reader *reader, uint32_t bytes) {
-    if (bytes > (size_t)(reader->end - reader->at)) fail(reader);
+    if (lacks(reader, bytes)) fail(reader);
     else reader->at += bytes;
 }
 
-/* Read the head of a value: return its number or size, as `*type` says. */
-static uint64_t read_head(sf_reader *reader, int *type) {
-    uint64_t value = 0;
-    *type = OTHER;
+/* Read the head of a value: its number or size, as reader->type says. */
+SHARED static uint64_t read_head(sf_reader *reader) {
     if (reader->at == reader->end) return fail(reader);
     uint32_t head = *reader->at++;
-    if (head < 0xC0 || head >= 0xE0) {
-        *type = head < 0x80 || head >= 0xE0 ? INTEGER : head < 0x90 ? MAP : head < 0xA0 ? ARRAY : TEXT;
-        if (*type == INTEGER) return (uint64_t)(int64_t)(int8_t)head;
-        return head & (*type == TEXT ? 31 : 15);
+    if (head < 0x80 || head >= 0xE0) {
+        reader->type = INTEGER;
+        return (uint64_t)(int8_t)head;
+    }
+    if (head < 0xC0) {
+        reader->type = head < 0x90 ? MAP : head < 0xA0 ? ARRAY : TEXT;
+        return head & (head < 0xA0 ? 15 : 31);
     }
     uint32_t kind = HEADS[head - 0xC0], bytes = kind & 31;
-    *type = (int)(kind >> 5);
-    if (bytes >= 16) {
-        if (bytes == 31) return fail(reader); /* 0xC1 is no value. */
-        return bytes == 30 ? 17 : bytes - 16;
-    }
-    if (bytes > (size_t)(reader->end - reader->at)) return fail(reader);
+    reader->type = (uint8_t)(kind >> 5);
+    if (bytes == NONE) return fail(reader);
+    if (bytes >= 9) return bytes - 9;
+    if (lacks(reader, bytes)) return fail(reader);
+    uint64_t value = head >= 0xD0 && head <= 0xD3 && *reader->at >= 0x80 ? UINT64_MAX : 0;
     for (uint32_t i = bytes; i > 0; i--) value = value << 8 | *reader->at++;
-    if (*type == OTHER) return value + 1; /* The type of an extension stands before its bytes. */
-    if (head >= 0xD0 && head <= 0xD3) {
-        uint32_t spare = 64 - 8 * bytes;
-        return (uint64_t)((int64_t)(value << spare) >> spare);
-    }
-    return head == 0xCF && value >> 63 ? fail(reader) : value;
+    if (head == 0xCF && value >> 63) return fail(reader);
+    return reader->type == OTHER ? value + 1 : value; /* An extension's type stands before its bytes. */
 }
 
-/* Read the head of the message's next element, which is to be of a type. */
+/* Read the head of the next element, which is to be of a type. */
 SHARED static uint64_t element(sf_reader *reader, int type) {
-    int found;
-    uint64_t value = read_head(reader, &found);
-    if (found != type || reader->left-- == 0) return fail(reader);
+    uint64_t value = read_head(reader);
+    if (reader->type != type || reader->left-- == 0) return fail(reader);
     return value;
 }
 
-void sf_open(sf_reader *reader, const uint8_t *bytes, size_t length) {
-    reader->at = bytes;
-    reader->end = bytes + length;
-    reader->bad = false;
-    reader->left = 1;
-    reader->left = (uint32_t)element(reader, ARRAY);
+uint32_t sf_open(sf_reader *reader, const uint8_t *bytes, size_t length) {
+    *reader = (sf_reader){.at = bytes, .end = bytes + length, .left = 1};
+    reader->left = sf_get_array(reader);
+    int64_t tag = sf_get_int(reader);
+    return tag == (uint8_t)tag ? (uint32_t)tag : 0;
 }
 
-SHARED int64_t sf_get_int(sf_reader *reader, int64_t least, int64_t most) {
-    int64_t value = (int64_t)element(reader, INTEGER);
-    if (value < least || value > most) fail(reader);
-    return reader->bad ? 0 : value;
+SHARED int64_t sf_get_int(sf_reader *reader) { return (int64_t)element(reader, INTEGER); }
+
+SHARED uint32_t sf_get_array(sf_reader *reader) { return (uint32_t)element(reader, ARRAY); }
+
+/* Read integers into the fields of a struct; one that is left out keeps its value. */
+void sf_get_fields(sf_reader *reader, void *into, const sf_field *field, unsigned count) {
+    for (; count > 0; count--, field++) {
+        void *at = (uint8_t *)into + field->at;
+        bool fits = true;
+        if (field->kind >= SF_OPTIONAL && reader->left == 0) continue;
+        if (field->kind >= SF_NULLABLE && reader->at < reader->end && *reader->at == 0xC0) {
+            element(reader, NIL);
+            continue;
+        }
+        int64_t value = sf_get_int(reader);
+        switch (field->kind % SF_OPTIONAL) {
+        case SF_U8: fits = value == (*(uint8_t *)at = (uint8_t)value); break;
+        case SF_U16: fits = value == (*(uint16_t *)at = (uint16_t)value); break;
+        case SF_U32: fits = value == (*(uint32_t *)at = (uint32_t)value); break;
+        case SF_I32: fits = value == (*(int32_t *)at = (int32_t)value); break;
+        default:
+            *(int64_t *)at = value;
+            fits = value >= -SF_UNKNOWN && value <= SF_UNKNOWN;
+        }
+        if (!fits) fail(reader);
+    }
 }
 
-SHARED uint32_t sf_get_small(sf_reader *reader, uint32_t least, uint32_t most) {
-    return (uint32_t)sf_get_int(reader, least, most);
-}
-
-SHARED uint32_t sf_get_counter(sf_reader *reader) { return sf_get_small(reader, 0, UINT32_MAX); }
-
-SHARED int32_t sf_get_ms(sf_reader *reader) {
-    return (int32_t)sf_get_int(reader, INT32_MIN, INT32_MAX);
-}
-
-SHARED int64_t sf_get_stamp(sf_reader *reader) { return sf_get_int(reader, -SF_UNKNOWN, SF_UNKNOWN); }
-
-uint32_t sf_get_array(sf_reader *reader) { return (uint32_t)element(reader, ARRAY); }
-
-static const uint8_t *content(sf_reader *reader, int type, uint32_t *length) {
-    *length = (uint32_t)element(reader, type);
+SHARED static const uint8_t *content(sf_reader *reader, int type, uint32_t *length) {
+    uint32_t size = (uint32_t)element(reader, type);
     const uint8_t *at = reader->at;
-    pass(reader, *length);
-    if (reader->bad) *length = 0;
+    pass(reader, size);
+    *length = reader->bad ? 0 : size;
     return at;
 }
 
@@ -113,17 +118,11 @@ const uint8_t *sf_get_text(sf_reader *reader, uint32_t *length) {
     return content(reader, TEXT, length);
 }
 
-bool sf_get_nil(sf_reader *reader) {
-    if (reader->at == reader->end || *reader->at != 0xC0) return false;
-    element(reader, NIL);
-    return true;
-}
-
 bool sf_close(sf_reader *reader) {
     uint64_t left = reader->left;
     while (left > 0 && !reader->bad) {
-        int type;
-        uint64_t size = read_head(reader, &type);
+        uint64_t size = read_head(reader);
+        uint8_t type = reader->type;
         left--;
         if (type == ARRAY || type == MAP) left += size << (type == MAP);
         else if (type == TEXT || type == BYTES || type == OTHER) pass(reader, (uint32_t)size);
@@ -132,17 +131,15 @@ bool sf_close(sf_reader *reader) {
 }
 
 bool sf_is_id(const uint8_t *text, uint32_t length) {
+    static const uint32_t ALLOWED[4] = {0, 0x03FF6000, 0x87FFFFFE, 0x07FFFFFE}; /* - . 0-9 A-Z _ a-z */
     if (length < 1 || length > 32) return false;
-    for (uint32_t i = 0; i < length; i++) {
-        uint8_t c = text[i], letter = c | 0x20;
-        bool word = (letter >= 'a' && letter <= 'z') || (c >= '0' && c <= '9') || c == '_';
-        if (!word && c != '.' && c != '-') return false;
-    }
+    for (; length > 0; length--, text++)
+        if (*text >= 128 || !(ALLOWED[*text / 32] >> *text % 32 & 1)) return false;
     return true;
 }
 
 bool sf_is_named(const char *id, const uint8_t *text, uint32_t length) {
-    uint32_t i = 0;
-    while (i < length && id[i] == (char)text[i]) i++;
-    return i == length && id[i] == 0;
+    for (; length > 0; length--)
+        if (*id++ != (char)*text++) return false;
+    return *id == 0;
 }
