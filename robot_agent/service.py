@@ -326,7 +326,7 @@ class RobotService:
         if self._blackbox is not None:
             s = agent.ride.follower.s if agent.ride is not None else 0.0
             host_ns = now_ns
-            if self._clock and self._host_clock:  # Read at once: the tick so far may have lasted.
+            if self._clock and self._host_clock:  # Both are read at once: the tick may be long.
                 host_ns += self._host_clock() - self._clock()
             estimate_ns = self.coordinator_time(now_ns)
             self._blackbox.write(host_ns, estimate_ns, driver.true_pose(), s, agent.phase)

@@ -173,14 +173,9 @@ def test_who_insists_on_being_heard_by_a_robot_that_hangs_holds_nobody_up(monkey
         over.set()
 
 
-def test_what_is_put_patiently_all_arrives_however_slowly_it_is_heard(link):
+def test_what_is_put_patiently_all_arrives_however_much_it_is(link):
     coordinator, listener, inbox = link.session("coordinator"), link.session("R1"), Inbox()
-
-    def hear(*heard):
-        time.sleep(0.001)
-        inbox(*heard)
-
-    listener.subscribe("f/report/*", hear)
+    listener.subscribe("f/report/*", inbox)
     link.say_until_heard(coordinator, "f/report/R1", b"begin", inbox)
     sent = [index.to_bytes(2) + bytes(60_000) for index in range(400)]  # 24 MB
     for payload in sent:

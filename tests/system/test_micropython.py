@@ -156,4 +156,4 @@ def test_a_tick_of_the_native_core_leaves_at_most_500_bytes_of_garbage(native):
 @needs_both
 @pytest.mark.parametrize("architecture", TARGETS)
 def test_the_core_is_built_for_every_architecture_as_code_that_runs_anywhere(architecture):
-    assert 20_000 < len(native_module(architecture)) < 34_000
+    assert 16_000 < len(native_module(architecture)) < 30_000

@@ -9,13 +9,14 @@ function kindOf({ id, order, todo, is_acknowledged: seen }) {
 }
 
 function inWords(group) {
-  const [{ robot, text }] = group;
-  if (group.length === 1) return text;
+  const [{ robot, text: whole }] = group;
+  if (group.length === 1) return whole;
+  const text = whole.replace(/;.*/, "");
   const names = group.map((one) => one.robot).sort((a, b) => a.localeCompare(b, "en", { numeric: true }));
   const all = `${names.slice(0, ALIKE).join(", ")} and ${names.length - ALIKE} more`;
   const [one, many] = [[`${robot} is`, `${all} are`], [`${robot} stands`, `${all} stand`], [robot, all]]
     .find(([words]) => text.includes(words));
-  return text.replace(/;.*/, "").replace(one, many);
+  return text.replace(one, many);
 }
 
 class AlarmList {

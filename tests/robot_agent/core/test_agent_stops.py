@@ -113,11 +113,11 @@ def test_a_stop_brakes_at_once_and_a_go_lets_the_robot_go_on():
     assert (run.agent.phase, run.agent.fault) == (DONE, NO_FAULT)
 
 
-@pytest.mark.parametrize("short", [0.01, 0.012])
-def test_a_robot_that_a_stop_holds_just_before_its_goal_drives_there_when_it_may(short):
+@pytest.mark.parametrize("early", [0.01, 0.012])
+def test_a_robot_that_a_stop_holds_just_before_its_goal_drives_there_when_it_may(early):
     """It is not taken for one that has come as near to its goal as it can."""
     run = run_in(MOVING)
-    while place(run) < LENGTH - short - 0.475**2 / (2 * 0.5):
+    while place(run) < LENGTH - early - 0.475**2 / (2 * 0.5):
         run.until(run.due + MS)
     run.command(STOP)
     run.until(run.now + 5 * SECOND)
