@@ -190,7 +190,7 @@ class Fleet(OperatedFleet):
         if not answer or isinstance(answer, Outgoing):
             return [answer] if answer else []
         if self.phase in (GO, STOP) and member is not None and self._has_course(robot):
-            if robot not in self.grants.given_up:
+            if not self.grants.is_over(robot):
                 self.go_around(member, now_ns)
             self.orders.put_back(robot)
         else:

@@ -239,6 +239,11 @@ class Grants:
             self._rule.reach(coming.slot, EVER)
             self._rule.barred[coming.slot] = True
 
+    def is_over(self, robot: str) -> bool:
+        """Return whether a robot was given up on its course, and on one sent to it since then."""
+        coming = self._courses[robot].next
+        return robot in self.given_up and (coming is None or coming.is_withdrawn)
+
     def limit(self, robot: str, most_ms: int) -> None:
         """Grant a robot never more than this on the course in force."""
         self._limits[robot] = most_ms

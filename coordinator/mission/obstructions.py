@@ -201,7 +201,9 @@ class Obstructions:
             self._around[name] = self.aside(name).disc()
             self.news.append((around_key(fleet.name), around_record(name)))
         for robot, by in self.held_up().items():
-            if self._may_leave(robot, now_ns):
+            if fleet.members[by].lost and not fleet.grants.is_over(by):
+                fleet.go_around(fleet.members[by], now_ns)  # It was lost before it was on its way.
+            elif self._may_leave(robot, now_ns):
                 self._go_around(robot, by, now_ms)
         self._close(now_ns, now_ms)
         for name in sorted(given_up):
