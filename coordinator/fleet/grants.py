@@ -142,6 +142,8 @@ class Grants:
         """What each robot had passed when it last got on."""
         self._held: dict[int, tuple[int, int]] = {}
         """By slot: who holds a robot, and since when [ms]."""
+        self._kept_from: dict[str, str] = {}
+        """By robot: who has to pass before it may begin the course last found for it."""
 
     def plain(self) -> PlainGrants:
         """Return the grants as plain data."""
@@ -372,12 +374,17 @@ class Grants:
             shared_ms = max(math.floor(1000.0 * shared + 1e-6), begin_ms)
             told_ms = max(min(self.told_ms(robot), shared_ms), begin_ms)
         self._rule.open(slot, min(passed_ms, shared_ms), told_ms)
-        fits = self._rule.allows(self._staircases.of(slot))
+        mine_only = self._staircases.of(slot)
+        fits = self._rule.allows(mine_only)
         if not fits:
+            by = self._rule.holder_of(slot, mine_only)
+            if by is not None:
+                self._kept_from[robot] = self._name(by)
             self._staircases.put(slot, NO_STAIRCASES, ())
         self._rule.renew(self._staircases.all)
         if not fits:
             return False
+        self._kept_from.pop(robot, None)
         self.release(number)
         sent = Sent(slot, number, plan.revision, begin_ms, course, shared_ms=shared_ms)
         if mine is None:
@@ -424,6 +431,7 @@ class Grants:
             self._rule.arrive(one.slot)
             self._rule.barred[one.slot], self._numbers[one.slot] = True, -1
             self._held.pop(one.slot, None)
+        self._kept_from = {one: by for one, by in self._kept_from.items() if robot not in (one, by)}
         self.given_up.discard(robot)
 
     def _slot(self, course: Course) -> int:
@@ -546,8 +554,11 @@ class Grants:
         return [Held(name(k), name(by), since) for k, (by, since) in self._held.items()]
 
     def behind(self, stopped: Collection[str]) -> list[str]:
-        """Return the robots that are held by these robots, or by others that these hold."""
-        held = {one.robot: one.by for one in self.held()}
+        """Return the robots that are held by these robots, or by others that these hold.
+
+        One that may not set out on the course found for it, before another one has passed, counts.
+        """
+        held = self._kept_from | {one.robot: one.by for one in self.held()}
         found = own = set(stopped)
         while more := {robot for robot, by in held.items() if by in found} - found:
             found = found | more

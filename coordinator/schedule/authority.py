@@ -137,9 +137,13 @@ class Authority:
         self.granted[led] = np.maximum(most, before[led])
         np.maximum(self.told, self.granted, out=self.told)
 
-    def holder_of(self, course: int) -> int | None:
-        """Return the course that leaves a course the least authority; None if nobody limits it."""
-        found = int(holder(self._table, self.progress, course))
+    def holder_of(self, course: int, staircases: Staircases | None = None) -> int | None:
+        """Return the course that leaves a course the least authority; None if nobody limits it.
+
+        `staircases`: others than those by which is granted.
+        """
+        table = self._table if staircases is None else _table_of(staircases, len(self.told))
+        found = int(holder(table, self.progress, course))
         return None if found < 0 else found
 
     def may_have_told(self, courses: Integers, until_ms: int) -> None:
