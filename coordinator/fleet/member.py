@@ -228,6 +228,8 @@ class Member:
         """Take in a report; return False when it is not the newest of this robot's process."""
         if report.boot != self.boot or report.sequence <= self.sequence:
             return False
+        if self.is_silent(now_ns):
+            self.excused_ns = max(self.excused_ns, now_ns)
         self.heard_ns = now_ns
         self.sequence, self.lost, self.gone = report.sequence, False, False
         if self.phase == DONE and report.phase == FROZEN:

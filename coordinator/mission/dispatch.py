@@ -220,7 +220,7 @@ class Dispatcher:
         if self.obstructions.rest_of(robot) is not None:
             can_change = member.is_fit and (mine.next is None or mine.next.is_withdrawn)
         else:
-            drives = member.phase == MOVING and member.driven == member.revision
+            drives = member.phase == MOVING and member.driven >= member.revision
             can_change = drives and not mine.is_changing(member.holds)
         return can_change and not is_asked and not member.is_silent(now_ns)
 
