@@ -232,7 +232,7 @@ class Member:
             self.excused_ns = max(self.excused_ns, now_ns)
         self.heard_ns = now_ns
         self.sequence, self.lost, self.gone = report.sequence, False, False
-        if self.phase == DONE and report.phase == FROZEN:
+        if self.phase == DONE and report.phase in (BRAKING, FROZEN):
             self.finished, self.done_ns = False, None  # It was pushed off its goal.
         if self.phase != FROZEN and report.phase == FROZEN:
             self.frozen_ns = now_ns

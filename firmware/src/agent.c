@@ -27,7 +27,7 @@ static const uint8_t TRANSITIONS[6][EVENTS] = {
     [SF_BRAKING] = {[AT_REST] = SF_FROZEN + 1, [ARRIVED] = SF_DONE + 1},
     [SF_FROZEN] = {[NEW_EPOCH] = SF_IDLE + 1, [NEW_COURSE] = SF_MOVING + 1},
     [SF_DONE] = {[NEW_EPOCH] = SF_IDLE + 1, [NEW_COURSE] = SF_MOVING + 1,
-                 [LEFT_PATH] = SF_FROZEN + 1},
+                 [LEFT_PATH] = SF_BRAKING + 1},
 };
 
 void sf_init(sf_agent *agent, const sf_robot *robot) {

@@ -24,7 +24,7 @@ The rules:
   the newest Command (or no Command has been heard yet).  It arms when it also stands at the plan's
   start and knows the time well enough; until then it reports why it does not.
 - A robot at its goal, whether it braked or not, stays there for that epoch; if it is pushed off the
-  goal, it is frozen.
+  goal, it brakes and freezes.
 - A robot never reports a position, with one exception: one that has stopped on its way reports the
   arc length at which it rests, in its first report as frozen and whenever the coordinator asks.
 """

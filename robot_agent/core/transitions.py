@@ -34,7 +34,7 @@ TRANSITIONS = {
     (FROZEN, NEW_EPOCH): IDLE,
     (DONE, NEW_EPOCH): IDLE,
     (DONE, NEW_COURSE): MOVING,
-    (DONE, LEFT_PATH): FROZEN,
+    (DONE, LEFT_PATH): BRAKING,
     (FROZEN, NEW_COURSE): MOVING,
 }
 """(phase, event) -> phase; an event that is not listed for a phase leaves it unchanged."""

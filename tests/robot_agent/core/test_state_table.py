@@ -142,7 +142,7 @@ ROWS = {
     (BRAKING, transitions.ARRIVED): DONE,
     (FROZEN, transitions.NEW_EPOCH): IDLE,
     (DONE, transitions.NEW_EPOCH): IDLE,
-    (DONE, transitions.LEFT_PATH): FROZEN,
+    (DONE, transitions.LEFT_PATH): BRAKING,
     (DONE, transitions.NEW_COURSE): MOVING,
     (FROZEN, transitions.NEW_COURSE): MOVING,
 }

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from rich.console import Console
 from typer.testing import CliRunner
 
+from benchmarks.reliability import floor, floor_of
 from coordinator.scenario.model import Link
 from coordinator.scenario_files.scenario_reader import read_scenario
 from protocol.phases import OVER
@@ -82,6 +83,14 @@ def test_in_a_crowd_everybody_arrives_beside_a_dead_robot(dead, time):
     scenario, document = plan_for(generate("polygons", 17, 1), GOOD, None)
     outcome = run_one(scenario, document, round(1000 * time), [Fault("kill", dead, time)])
     assert outcome.violations == ()
+
+
+@pytest.mark.parametrize("seed", [43240, 40156, 43208, 43379])
+def test_robots_that_fail_again_after_they_were_sent_on_leave_everybody_a_way(seed):
+    """One is lost before it begins its next course; one stops beside the path of a lost one; one
+    is cut off while it is sent a course; one slides on after it was at its goal."""
+    outcome = run_seed(floor(floor_of(seed)), seed)
+    assert (outcome.violations, outcome.over) == ((), True)
 
 
 def test_the_same_seed_gives_the_same_outcome(five):
