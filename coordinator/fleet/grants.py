@@ -532,10 +532,12 @@ class Grants:
         wanted = np.minimum(rule.unlimited(now_ms, self.headroom_ms), most_ms)
         is_near = (rule.granted < wanted) & (rule.granted - rule.progress < ROOM_MS) & ~self._done
         is_near &= rule.leads < 0
+        halted = [one.now.slot for one in self._courses.values() if one.begins_at_rest(now_ms)]
+        is_near[halted] &= rule.granted[halted] < rule.most[halted]  # Nobody holds those.
         self._got_on_ms[is_near] = now_ms
         for name, limit_ms in self._limits.items():
             slot = self._courses[name].now.slot
-            if rule.granted[slot] >= limit_ms:
+            if rule.granted[slot] >= limit_ms and slot not in halted:
                 self._got_on_ms[slot] = now_ms  # It stands before a place that is closed.
         is_held = is_near & (rule.granted < now_ms)
         before, self._held = self._held, {}

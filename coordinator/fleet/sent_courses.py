@@ -69,6 +69,13 @@ class Courses:
         """The newest course."""
         return self.now if self.next is None else self.next
 
+    def begins_at_rest(self, now_ms: int) -> bool:
+        """Return whether the robot may begin its next course [ms], from where it comes to rest."""
+        coming = self.next
+        if coming is None or coming.is_withdrawn:
+            return False
+        return coming.shared_ms <= coming.begin_ms < now_ms
+
     def is_changing(self, holds: int) -> bool:
         """Return whether a robot that holds this revision has yet to begin its next course.
 
