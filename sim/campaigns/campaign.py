@@ -146,7 +146,7 @@ def run_one(
     boxes = world.blackboxes()
     found = touches(document, boxes, faults)
     with_obstacles = obstacle_touches(document, boxes, faults)
-    excuses = excused(world, over_ns)
+    excuses = excused(world, document, over_ns)
     there = arrived(world, document, boxes)
     expected = [robot.id for robot in document.robots if robot.id not in excuses]
     stuck = [name for name in expected if name not in there]

@@ -150,9 +150,9 @@ def arrived(world: World, document: PlanDocument, boxes: Mapping[str, BlackBox])
     return there
 
 
-def excused(world: World, over_ns: int) -> dict[str, str]:
-    """Return the robots that cannot be expected to reach their goals, and why."""
-    closed = _closed_in(world)
+def excused(world: World, document: PlanDocument, over_ns: int) -> dict[str, str]:
+    """Return the robots that cannot be expected to reach their goals of the plan, and why."""
+    closed = _closed_in(world, document)
     failed = {one.fault.robot for one in world.struck if one.fault.kind in _OWN}
     why = dict.fromkeys(closed, "closed in")
     for name, member in world.fleet.members.items():
@@ -169,7 +169,7 @@ def excused(world: World, over_ns: int) -> dict[str, str]:
     return {name: reason for name, reason in why.items() if name in world.robots}
 
 
-def _closed_in(world: World) -> list[str]:
+def _closed_in(world: World, document: PlanDocument) -> list[str]:
     """Return the robots that are not at their goals and truly have no way there.
 
     Robots that others go around count as solid wherever they may stand, and those that rest where
@@ -177,10 +177,10 @@ def _closed_in(world: World) -> list[str]:
     """
     site, members, around = world.mission.site, world.fleet.members, dict(_around(world))
     robots = [*site.scenario.robots, *(one.robot for one in site.aside)]
-    goals = {robot.id: robot.goal[:2] for robot in robots}
+    goals = {one.id: one.path.control_points[-1] for one in document.robots}
     closed = []
     for one in robots:
-        if one.id not in world.robots:
+        if one.id not in world.robots or one.id not in goals:
             continue
         place = _place(world, one.id)
         if members[one.id].finished and math.dist(place, goals[one.id]) <= site.scenario.margin:
