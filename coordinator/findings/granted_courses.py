@@ -37,7 +37,7 @@ from protocol.messages import (
     Report,
     Rest,
 )
-from protocol.phases import FROZEN
+from protocol.phases import DONE, FROZEN
 
 _EVERYWHERE: Final = [(-1e6, -1e6), (1e6, -1e6), (1e6, 1e6), (-1e6, 1e6)]
 """The floor of a plan that does not hold one."""
@@ -112,6 +112,8 @@ class GrantedCourses(Granted):
         if len(ways) == 2 and report.revision >= ways[1].driven.plan.revision:
             ways[:] = [ways[1].begun()]
             self._around.pop(robot, None)
+        if ways and report.phase == DONE and report.revision == ways[0].driven.plan.revision:
+            ways[0] = ways[0].arrived(report.stamp_ms)
 
     def take_roster(self, message: Message | None) -> None:
         """Take in that a robot is taken into the fleet, or has left it."""

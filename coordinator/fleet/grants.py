@@ -486,6 +486,8 @@ class Grants:
         self._done[slot] = report.phase == DONE
         if report.phase == DONE:
             self._rule.arrive(slot)
+            if sent.course is not None:
+                sent.course = sent.course.arrived(report.stamp_ms)
         if report.stamp_ms is None or self._rule.progress[slot] == EVER:
             return True
         claimed_ms = report.stamp_ms - LATE_STEP_MS * report.late

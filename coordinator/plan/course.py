@@ -28,7 +28,7 @@ class Course:
     """A robot's course, driven from plan time `since` at the earliest, until `until` [s].
 
     One that its robot is known to drive counts from 0 on: the robot stood at its beginning before
-    it began.
+    it began.  One whose robot is known to be at its end counts from there on.
     """
 
     driven: Driven
@@ -38,6 +38,18 @@ class Course:
     def begun(self) -> Course:
         """Return the course of a robot that is known to drive it: it is there, however late."""
         return replace(self, since=0.0)
+
+    def arrived(self, stamp_ms: int | None) -> Course:
+        """Return the course of a robot that was at its end at a plan time [ms], and stays there."""
+        finish = self.driven.timeline.finish
+        if self.has_ended or stamp_ms is None or stamp_ms < 1000.0 * finish:
+            return self
+        return replace(self, since=finish)
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the robot is known to stand at the end."""
+        return self.since >= self.driven.timeline.finish
 
     @staticmethod
     def chords_of(path: Nurbs) -> Chords:

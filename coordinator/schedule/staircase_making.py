@@ -6,6 +6,7 @@ Decides: which pairs have a staircase, and how fine it is.  Must not know: who d
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -54,9 +55,11 @@ def staircases_among(course: Course, near: Sequence[Course], terms: PlanDocument
     """Return the staircases of a course, index 0, with others, from index 1 on.
 
     They ask for STANDOFF more than the margin.  A robot that was held stands about as far from
-    another one's path: where the course begins nearer, they ask for what is left there.
+    another one's path: where the course begins nearer, they ask for what is left there.  Nobody
+    waits for robots that stand at their ends.
     """
-    courses = [course, *near]
+    places = np.array([0, *(k for k, one in enumerate(near, start=1) if not one.has_ended)])
+    courses = [course, *(near[k - 1] for k in places[1:].tolist())]
     driven, since = [one.driven for one in courses], [one.since for one in courses]
     reach = terms.margin + STANDOFF
     paths = [_chords_of(one.curve) for one in driven]
@@ -66,7 +69,8 @@ def staircases_among(course: Course, near: Sequence[Course], terms: PlanDocument
     ways = [shapely.linestrings(path.points) for path in paths[1:]]
     left = shapely.distance(start, ways) - (radii + errors)[1:] - radii[0] - errors[0] - _ROUNDING
     less = np.where(left < terms.margin, 0.0, np.maximum(reach - left, 0.0))
-    return staircases_of(driven, terms.tau, reach, (0,), since, less=[0.0, *less])
+    found = staircases_of(driven, terms.tau, reach, (0,), since, less=[0.0, *less])
+    return replace(found, ahead=places[found.ahead], behind=places[found.behind])
 
 
 def staircases_of(

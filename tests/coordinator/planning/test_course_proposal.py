@@ -83,6 +83,22 @@ def test_a_robot_finds_no_way_to_a_place_where_another_one_rests_for_ever(goal):
         sent_on(site, courses, robots, "R2", goal)
 
 
+def test_where_another_one_went_before_it_arrived_is_in_nobodys_way():
+    """R2 was held on the way that R1 has taken since; its new course begins when it was held."""
+    site, courses, robots = a_site(a_scenario([a_robot("R1", (1.0, 4.0), (9.0, 4.0))]))
+    passed, r2 = courses["R1"], a_robot("R2", (5.0, 4.0), (5.0, 7.0))
+    finish_ms = math.ceil(1000.0 * passed.driven.timeline.finish)
+    wish = Wish(r2, 0.0, 1, 1, 0, delay=0.001 * finish_ms)
+    assert passed.arrived(None) is passed.arrived(finish_ms - 2) is passed
+    with pytest.raises(PlanError, match="has no way among the others, whenever it sets out"):
+        propose(site, wish, [passed])
+    found = propose(site, wish, [passed.arrived(finish_ms)])
+    assert found.course.goal == pytest.approx((5.0, 7.0), abs=1e-5)
+    assert len(found.staircases.ahead) == 0
+    with pytest.raises(PlanError):  # R1 stands there.
+        propose(site, wish.to((8.9, 4.1)), [passed.arrived(finish_ms)])
+
+
 def test_a_robot_waits_at_its_place_for_one_that_is_under_way_across_its_course():
     scenario = a_scenario(
         [a_robot("R1", (1.0, 4.0), (2.0, 4.0)), a_robot("R2", (5.0, 1.0), (5.0, 7.0))], tau=0.6
