@@ -17,7 +17,7 @@ from protocol.messages import REFUSED, WAITING, OrderState
 from protocol.phases import IDLE, PHASE_NAMES
 
 _LOST: Final = (
-    "The others keep away from where it may stand. Press STOP before somebody walks in. "
+    "The others keep away from where it may stand. Walk in only while the fleet is stopped. "
     "Restart it where it stands and admit it, or carry it away and take it out."
 )
 _BACK: Final = "Admit it if it knows where it stands; or carry it away and take it out."

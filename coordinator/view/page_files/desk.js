@@ -18,7 +18,7 @@ async function ask(method, path, body, tell = (problem) => desk.say(problem, tru
 
 /** What can be done with a robot, in words. */
 const ACTS = {
-  admit: { words: "admit", title: "Let it take part again after it came back" },
+  admit: { words: "admit", title: "Let it take part again after it came back", unheard: "It is not heard yet" },
   leave: { words: "take out", title: "Take it out of the fleet, once it was carried away" },
 };
 
@@ -139,8 +139,9 @@ class Desk {
   /** Buttons that do this with a robot, and name it. */
   buttons(name, acts) {
     return acts.map((act) => {
-      const { words, title } = ACTS[act];
-      const button = element("button", { type: "button", textContent: `${words} ${name}`, title });
+      const { words, title, unheard } = ACTS[act], disabled = Boolean(unheard) && !this.robots.get(name).is_heard;
+      const button = element("button", { type: "button", textContent: `${words} ${name}`, disabled });
+      button.title = disabled ? unheard : title;
       button.dataset.act = act;
       button.addEventListener("click", () => this.robot(name, act));
       return button;
@@ -149,7 +150,8 @@ class Desk {
 
   /** Offer what can be done with the chosen robot. */
   tellActs() {
-    const name = this.whose(), acts = this.acts(name), key = [name, ...acts].join();
+    const name = this.whose(), acts = this.acts(name);
+    const key = [name, acts.length && this.robots.get(name).is_heard, ...acts].join();
     if (key === this.offered) return;
     this.offered = key;
     byId("robot-acts").replaceChildren(...this.buttons(name, acts));
