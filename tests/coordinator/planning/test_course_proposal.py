@@ -85,7 +85,7 @@ def test_a_robot_finds_no_way_to_a_place_where_another_one_rests_for_ever(goal):
 
 def test_where_another_one_went_before_it_arrived_is_in_nobodys_way():
     """R2 was held on the way that R1 has taken since; its new course begins when it was held."""
-    site, courses, robots = a_site(a_scenario([a_robot("R1", (1.0, 4.0), (9.0, 4.0))]))
+    site, courses, _ = a_site(a_scenario([a_robot("R1", (1.0, 4.0), (9.0, 4.0))]))
     passed, r2 = courses["R1"], a_robot("R2", (5.0, 4.0), (5.0, 7.0))
     finish_ms = math.ceil(1000.0 * passed.driven.timeline.finish)
     wish = Wish(r2, 0.0, 1, 1, 0, delay=0.001 * finish_ms)
