@@ -109,7 +109,7 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
         agents["R2"].send_signal(signal.SIGKILL)
         tab.wait(f"{ALARMS}.includes('R2 is not heard')")
         tab.wait(f"/admit R2\\s+take out R2/.test({ALARMS})")
-        assert "Press STOP before somebody walks in" in tab.run(ALARMS)
+        assert "Walk in only while the fleet is stopped" in tab.run(ALARMS)
         tab.wait("/R2 lost its link/.test(document.getElementById('events').textContent)")
         assert "R2" not in tab.run("document.getElementById('robot-acts').textContent")
         about_r2 = (
