@@ -28,6 +28,12 @@ _FAULTS: Final = {
     "plan not acceptable": "Its limits are not the scenario's; the coordinator's output says how.",
 }
 
+_OFTEN: Final = 3
+_LATELY: Final = 600.0
+"""A robot that was not heard so often in so long [s] needs a person, although it is heard again."""
+
+_OFTEN_TODO: Final = "Look at its link: its radio, its power, the network where it drives."
+
 _LONG: Final = 60.0
 """An order that waits for longer than this [s] although robots are free needs a person."""
 
@@ -42,6 +48,9 @@ class Alarms:
         self._now: dict[str, Alarm] = {}
         self._waits: dict[str, tuple[OrderState, float]] = {}
         """The orders that wait, each with since when [s]."""
+
+        self._losses: dict[str, list[float]] = {}
+        """By robot: when [s] it was lost lately."""
 
     def now(self) -> list[Alarm]:
         """Return the alarms; those that nobody has acknowledged first, the newest first."""
@@ -85,6 +94,12 @@ class Alarms:
     def forget(self, robot: str) -> None:
         """Forget what is about a robot."""
         self._now = {name: one for name, one in self._now.items() if one.robot != robot}
+        self._losses.pop(robot, None)
+
+    def admitted(self, robot: str) -> None:
+        """Take in that a robot has got a course: it may report so later, and may rest on it."""
+        self._now.pop(f"lost-{robot}", None)
+        self._now.pop(f"back-{robot}", None)
 
     def log_failed(self, text: str, now: float) -> None:
         """Take in that the coordinator cannot write its log any more."""
@@ -111,6 +126,8 @@ class Alarms:
                 one = msgspec.structs.replace(
                     one, since=before.since, is_acknowledged=before.is_acknowledged
                 )
+            elif one.id == f"lost-{one.robot}":
+                self._losses.setdefault(one.robot, []).append(now)
             lasting[one.id] = one
         self._now = lasting
 
@@ -121,7 +138,16 @@ class Alarms:
         if was_lost and robot.is_heard and robot.phase == PHASE_NAMES[IDLE]:
             text = f"{robot.id} is back and has no course"
             return Alarm(id=back, since=now, text=text, todo=_BACK, robot=robot.id)
-        return _trouble_of(robot, now)
+        return _trouble_of(robot, now) or self._often_lost(robot.id, now)
+
+    def _often_lost(self, robot: str, now: float) -> Alarm | None:
+        """Return the alarm about a robot that is heard, but was lost often; None if it was not."""
+        losses = [at for at in self._losses.get(robot, ()) if now - at < _LATELY]
+        self._losses[robot] = losses
+        if len(losses) < _OFTEN:
+            return None
+        text = f"{robot} was not heard {len(losses)} times in ten minutes"
+        return Alarm(id=f"often-{robot}", since=losses[0], text=text, todo=_OFTEN_TODO, robot=robot)
 
 
 def _named(order: OrderState) -> str:

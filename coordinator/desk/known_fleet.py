@@ -276,6 +276,8 @@ class KnownFleet:
         mine = self.plans.get(plan.robot)
         if mine is None or (mine.epoch, mine.revision) <= (plan.epoch, plan.revision):
             self.plans[plan.robot] = plan
+            if mine is not None and mine.revision < plan.revision:
+                self.alarms.admitted(plan.robot)
 
     def _take_report(self, report: Report, robot: str, now: float) -> None:
         if robot in self._left:

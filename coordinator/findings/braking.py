@@ -23,7 +23,7 @@ from protocol.timing import LATE_STEP_MS, MILLISECOND, SECOND
 
 _HALVINGS: Final = 60
 
-_SILENT: Final = SECOND
+SILENT: Final = SECOND
 """A robot on its way that was not heard for this long [ns] is shown at rest."""
 
 _SOON: Final = 0.3
@@ -131,7 +131,7 @@ class Words:
     def silent_since(self, now_ns: int) -> int | None:
         """Return when a robot on its way was last heard, if that is too long ago; else None."""
         drives = self.phase in (MOVING, BRAKING)
-        silent = drives and self.last_ns is not None and now_ns - self.last_ns > _SILENT
+        silent = drives and self.last_ns is not None and now_ns - self.last_ns > SILENT
         return self.last_ns if silent else None
 
     def _was_stopped(self, speed: float, rate: float) -> bool:

@@ -13,6 +13,7 @@ from typing import Final
 
 import msgspec
 
+from coordinator.findings.braking import SILENT
 from coordinator.findings.granted_courses import granted_of
 from coordinator.findings.held import Holds, late_numbers
 from coordinator.findings.info_fields import FaultSummary
@@ -87,6 +88,9 @@ class LiveCourse:
         self._lost: set[str] = set()
         self._left: set[str] = set()
         """Robots that were taken out: that their links end then is no news."""
+
+        self._back: set[str] = set()
+        """Robots that were lost, and have no course since their programs started again."""
 
         self._first: tuple[int, float] | None = None
         self._latest: tuple[int, float] = (0, 0.0)
@@ -206,8 +210,9 @@ class LiveCourse:
             course.take_command(message, self._now_ns(now))
             held = self._take_held(message, now)
             silent = course.said.silent(message.epoch, self._now_ns(now))
-            for name in sorted(silent):
-                self._lose(name, "fell silent", "silence", now)
+            for name in sorted(silent):  # One that has started again speaks, but of no course.
+                if (course.said.last_ns(name) or 0) < self._now_ns(now) - SILENT:
+                    self._lose(name, "fell silent", "silence", now)
             phase = (message.phase, message.start_ns)
             stand = (message.epoch, phase, self._reasons(message.epoch), silent)
             changed = self._stand != stand
@@ -216,18 +221,28 @@ class LiveCourse:
         if isinstance(message, Report):
             return self._take_report(message, robot, now)
         if isinstance(message, OrderState):
-            if message.id == f"{LEAVE}{message.robot}" and message.state == ORDER_DONE:
-                self._left.add(message.robot)
-            return course.orders.take(message, self._now_ns(now))
+            return self._take_order(message, now)
         course.take_radius(message, robot)
         changed = self._said.take(message, robot, self.fleet or "")
-        if isinstance(message, Plan):
-            self._left.discard(robot)
-        if isinstance(message, Plan) and course.take_plan(message, self._now_ns(now)):
-            changed = True
-            if message.epoch in self._granted:
-                self._granted[message.epoch].take_plan(robot, message)
-        return changed
+        return (isinstance(message, Plan) and self._take_plan(message, now)) or changed
+
+    def _take_plan(self, plan: Plan, now: float) -> bool:
+        self._left.discard(plan.robot)
+        if not self._course.take_plan(plan, self._now_ns(now)):
+            return False
+        if plan.robot in self._back:
+            self._back.discard(plan.robot)
+            self._return(plan.robot, "is admitted and has a course", now)
+        if plan.epoch in self._granted:
+            self._granted[plan.epoch].take_plan(plan.robot, plan)
+        return True
+
+    def _take_order(self, state: OrderState, now: float) -> bool:
+        is_news = self._course.orders.take(state, self._now_ns(now))
+        if is_news and state.id == f"{LEAVE}{state.robot}" and state.state == ORDER_DONE:
+            self._left.add(state.robot)
+            self._return(state.robot, "was taken out", now)
+        return is_news
 
     def _take_held(self, command: Command, now: float) -> bool:
         """Find out who is held; return whether that has changed.
@@ -267,9 +282,19 @@ class LiveCourse:
         self._course.faults.append((self._now_ns(now), FaultSummary(0.0, robot, what, kind)))
         return True
 
+    def _return(self, robot: str, what: str, now: float) -> None:
+        self._course.returns.append((self._now_ns(now), robot, what))
+
     def _take_report(self, report: Report, robot: str, now: float) -> bool:
         course, now_ns = self._course, self._now_ns(now)
-        self._lost.discard(robot)
+        is_back = robot in self._lost
+        if is_back:
+            self._lost.discard(robot)
+            self._return(robot, "is heard again", now)
+        if report.phase != IDLE:
+            self._back.discard(robot)
+        elif is_back:
+            self._back.add(robot)
         stops = course.said.take(report, robot, now_ns)
         if report.epoch in self._granted:
             self._granted[report.epoch].take_report(robot, report)
@@ -282,7 +307,7 @@ class LiveCourse:
         if changed and fault != NO_FAULT:
             name = FAULT_NAMES[fault] if fault < len(FAULT_NAMES) else "a fault"
             course.faults.append((now_ns, FaultSummary(0.0, robot, name, "report")))
-        return changed or stops
+        return changed or stops or is_back
 
     def _set_clock(self, said_ns: int, now: float) -> None:
         """Take in the coordinator's time [ns], heard at our time [s]."""

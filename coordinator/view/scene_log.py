@@ -105,6 +105,9 @@ class Course:
         self._drawn: dict[int, _Drawn] = {}
         self.told: dict[int, tuple[Standing, ...]] = {}
         self.faults: list[tuple[int, FaultSummary]] = []
+        self.returns: list[tuple[int, str, str]] = []
+        """Robots that were lost and are heard or admitted again, or taken out: when, who, what."""
+
         self.notes: list[str] = []
         self.held: list[Hold] = []
 
@@ -486,6 +489,15 @@ def _marks(
         )
         for at, fault in course.faults
         if fault.kind != "freeze"
+    ]
+    marks += [
+        Mark(
+            t=round((at - zero) * _NS, 3),
+            kind="go",
+            text=f"{robot} {what}",
+            robot=number_of(robot),
+        )
+        for at, robot, what in course.returns
     ]
     marks += [
         Mark(

@@ -250,3 +250,30 @@ def test_an_order_that_is_put_off_is_known_and_one_that_does_not_exist_is_not():
         state("none", REFUSED, "", released=None, reason="there is no order none"),
     )
     assert [(one.id, one.state) for one in known.summaries()] == [("later", "waiting")]
+
+
+def test_a_robot_that_is_back_calls_nobody_once_it_is_told_a_course():
+    (driven, *_) = plan_fleet(a_scenario(CROSSED), effort=0).driven
+    plan, robot = driven.plan, driven.plan.robot
+    known = fleet_of(COMMAND, (keys.plan(FLEET, robot), plan), report(robot, phase=MOVING))
+    known.hear(keys.alive(FLEET, robot), LINK_GONE, 0.1)
+    known.answer(0.1, {})
+    fleet_of(report(robot, phase=IDLE), known=known, at=0.2)
+    assert [one.id for one in known.answer(0.2, {}).alarms] == [f"back-{robot}"]
+    course = msgspec.structs.replace(plan, revision=plan.revision + 1)
+    fleet_of((keys.plan(FLEET, robot), course), known=known, at=0.3)
+    assert known.answer(0.3, {}).alarms == []
+
+
+def test_a_robot_that_is_lost_often_calls_also_while_it_is_heard():
+    known = fleet_of(COMMAND, report("R1", phase=MOVING))
+    for at in (10.0, 20.0, 30.0):
+        fleet_of(COMMAND, report("R1", phase=MOVING), known=known, at=at - 0.5)
+        assert known.answer(at - 0.5, {}).alarms == []
+        known.hear(keys.alive(FLEET, "R1"), LINK_GONE, at)
+        assert [one.id for one in known.answer(at, {}).alarms] == ["lost-R1"]
+        fleet_of(COMMAND, report("R1", phase=MOVING), known=known, at=at + 0.5)
+    (alarm,) = known.answer(30.6, {}).alarms
+    assert alarm.text == "R1 was not heard 3 times in ten minutes"
+    fleet_of(COMMAND, report("R1", phase=MOVING), known=known, at=611.0)
+    assert known.answer(611.0, {}).alarms == []

@@ -3,6 +3,7 @@
 from functools import cache
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from coordinator.fleet.log_records import LINK_GONE
@@ -13,7 +14,7 @@ from coordinator.schedule.staircase_making import with_staircases
 from coordinator.view.live_course import LiveCourse
 from coordinator.view.scene_plan import scene_of_plan
 from protocol import keys
-from protocol.codec import encode
+from protocol.codec import decode, encode
 from protocol.messages import ORDER_DONE, Clock, Command, Hello, OrderState, Report, Rest
 from protocol.phases import (
     BRAKING,
@@ -212,6 +213,25 @@ def test_a_robot_that_is_lost_is_told_once_each_time_also_if_it_had_arrived(lost
         tell_command(course, begin + 1.6, GO)
     told = [mark.text for mark in course.scene().marks if mark.kind == "fault"]
     assert sorted(told) == [f"{robot} {text}" for robot in ("R1", *["R2"] * lost) for _ in range(2)]
+
+
+def test_a_robot_that_comes_back_and_is_admitted_is_told_and_falls_silent_no_more():
+    course = LiveCourse(FLEET, document())
+    tell_time(course, 0.0, 0.0)
+    tell_command(course, 0.0, GO)
+    said = encode(Report(1, 1, 1, MOVING, stamp_ms=1_000))
+    course.hear(keys.report(FLEET, "R1"), said, OURS + 1.0)
+    course.hear(keys.alive(FLEET, "R1"), LINK_GONE, OURS + 1.5)
+    for tenth in range(30, 60):
+        idle = encode(Report(2, tenth, 1, IDLE))
+        course.hear(keys.report(FLEET, "R1"), idle, OURS + 0.1 * tenth)
+        tell_command(course, 0.1 * tenth, GO)
+    (robot, *_) = document().robots
+    plan = decode("plan", pack(document(), robot, 0))
+    further = msgspec.structs.replace(plan, revision=plan.revision + 1, begin_ms=6_000)
+    course.hear(keys.plan(FLEET, "R1"), encode(further), OURS + 6.0)
+    told = [mark.text for mark in course.scene().marks if mark.text.startswith("R1")]
+    assert told == ["R1 lost its link", "R1 is heard again", "R1 is admitted and has a course"]
 
 
 def test_that_the_link_of_a_robot_ends_which_was_taken_out_is_no_news():
