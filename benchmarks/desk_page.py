@@ -197,7 +197,7 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
     tab.wait(f"!{lost}")  # The page is laid out anew when the alarm is over.
     tab.run(f"document.getElementById('order-robot').value = '{dead}'")
     tab.run("document.getElementById('order-robot').dispatchEvent(new Event('change'))")
-    act("admit", "[data-act=admit]", f"/{dead} goes|, GO$/.test({_ANSWER})", 30.0)
+    act("admit", "[data-act=admit]:not([disabled])", f"/{dead} goes|, GO$/.test({_ANSWER})", 30.0)
     tab.run("window.confirm = () => true")
     act("end", "#end-mission", "/the fleet ends/.test(text)")
     return seen

@@ -31,6 +31,7 @@ _SCRIPTS: Final = (
     "flow.js",
     "alarms.js",
     "closed_places.js",
+    "fleet_state.js",
     "desk.js",
     "word.js",
     "keys.js",

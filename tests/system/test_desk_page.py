@@ -15,10 +15,13 @@ from coordinator.view.live_course import LiveCourse
 from coordinator.view.page import page_of
 from protocol import keys
 from protocol.messages import REFUSED, UNDER_WAY, OrderState
+from protocol.phases import DRIVER_ERROR, FROZEN, OFF_PATH
 from protocol.timing import SECOND
+from sim.floors.generator import generate
 from tests.coordinator.desk.fake_fleet import FLEET, FakeFleet, a_command, a_report
 from tests.system.browser import browser, find_browser, needs_axe
 from tests.system.fleet_tools import TWO_ROBOTS, free_endpoint, line_with, started
+from tests.system.floor_words import WORDS
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="no Chromium is installed (BROWSER names one)"
@@ -31,6 +34,12 @@ STATE = "document.getElementById('state').textContent"
 OUTLOOK = "document.getElementById('outlook').textContent"
 PHASE = "document.getElementById('phase').textContent"
 STATES = "Object.values(splinefleet.at(splinefleet.time)).map(robot => robot.state).join()"
+WATCH_GO_ON = """(() => {
+  const button = document.getElementById("go-on"), offered = window.offered = [];
+  new MutationObserver(() => {
+    if (!button.hidden && offered.at(-1) !== button.textContent) offered.push(button.textContent);
+  }).observe(button, { attributes: true, childList: true, characterData: true, subtree: true });
+})()"""
 SPOT = """(() => {
   const { left, top, width, height } = document.getElementById('floor').getBoundingClientRect();
   return [left + 0.5 * width, top + 0.5 * height];
@@ -88,11 +97,13 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
         tab.wait(f"{ANSWER}.endsWith('is taken for R1')")
         tab.wait(f"{ORDERS}.includes('R1 arrives')")
 
-        tab.wait("splinefleet.at(splinefleet.time).R1.v > 0.05")
+        assert tab.run(STATE).startswith("running: ")
+        tab.wait("splinefleet.at(splinefleet.time).R1.v > 0.4")
+        tab.run(WATCH_GO_ON)
         tab.press(" ")
         tab.wait(f"{STATE} === 'stopped: all stand' && {PHASE}.endsWith('told to stop')")
         assert "1 standing" in tab.run("document.getElementById('robots-title').textContent")
-        tab.wait("!document.getElementById('go-on').hidden")
+        assert tab.run("window.offered") == ["cancel STOP", "go on"]
         for width, (stop, _) in before.items():
             now, others = layout(tab, width)
             assert now == stop
@@ -108,8 +119,12 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
 
         agents["R2"].send_signal(signal.SIGKILL)
         tab.wait(f"{ALARMS}.includes('R2 is not heard')")
-        tab.wait(f"/admit R2\\s+take out R2/.test({ALARMS})")
+        tab.wait(f"/admit R2 when it is heard\\s+take out R2/.test({ALARMS})")
         assert tab.run("document.querySelector('#alarms [data-act=admit]').disabled")
+        tab.run("splinefleet.choose(1)")
+        tab.settle()
+        assert [text for text, *_ in tab.run(WORDS)].count("R2") == 1
+        tab.run("splinefleet.choose(1)")
         assert "Walk in only while the fleet is stopped" in tab.run(ALARMS)
         tab.wait("/R2 lost its link/.test(document.getElementById('events').textContent)")
         assert "R2" not in tab.run("document.getElementById('robot-acts').textContent")
@@ -194,6 +209,63 @@ def test_many_alarms_that_are_alike_are_one_until_they_are_unfolded(tmp_path):
         assert tab.run(acts) == 5
         tab.run("document.querySelector('#alarms .fold').click()")
         assert len(tab.run(lines)) == 1
+
+
+def test_alarms_are_whole_on_a_phone_and_a_robot_off_its_path_is_not_said_to_be_proven(tmp_path):
+    (tmp_path / "two.toml").write_text(TWO_ROBOTS)
+    document = plan_scenario(read_scenario(tmp_path / "two.toml"), effort=0)
+    fleet = FakeFleet()
+    line = Line(fleet, LiveCourse(FLEET, document))
+    desk = Desk(
+        line, lambda may: page_of(line.scene(), live=True, may_command=may), may_command=True
+    )
+    buttons = """[...document.querySelectorAll('#alarms button')].every(one => {
+      one.scrollIntoView({ block: 'center' });
+      const { left, right, top, bottom } = one.getBoundingClientRect();
+      const box = one.closest('ul').getBoundingClientRect();
+      return left >= 0 && right <= innerWidth && top >= box.top && bottom <= box.bottom;
+    })"""
+    with served(desk.app()) as address, browser(tmp_path / "profile") as tab:
+        tab.screen(390, 844)
+        fleet.beat()
+        for number, fault in enumerate((OFF_PATH, DRIVER_ERROR, OFF_PATH, DRIVER_ERROR), start=1):
+            fleet.tell(keys.report(FLEET, f"R{number}"), a_report(FROZEN, fault))
+        tab.open(address)
+        tab.wait(f"{ALARMS}.includes('R4')")
+        assert tab.run("document.querySelectorAll('#alarms li').length") == 4
+        assert tab.run(buttons)
+        verdict = tab.run("document.getElementById('verdict').textContent")
+        assert verdict == "newest plan proven; R1, R3 off their paths are not covered"
+
+
+def test_of_a_hundred_robots_many_are_listed_and_the_chosen_one_on_top(tmp_path):
+    document = plan_scenario(generate("open", 100, 3), effort=0)
+    fleet = FakeFleet()
+    line = Line(fleet, LiveCourse(FLEET, document))
+    desk = Desk(
+        line, lambda may: page_of(line.scene(), live=True, may_command=may), may_command=True
+    )
+    rows = """(box => new Set([...document.querySelectorAll('#robots li')]
+      .map(one => one.getBoundingClientRect())
+      .filter(one => one.bottom <= box.bottom).map(one => Math.round(one.top))).size)(
+      document.querySelector('.robots').getBoundingClientRect())"""
+    first = """[...document.querySelectorAll('#robots li')]
+      .sort((a, b) => a.style.order - b.style.order)[0].querySelector('.id').textContent"""
+    with served(desk.app()) as address, browser(tmp_path / "profile") as tab:
+        tab.screen(1440, 900)
+        fleet.beat()
+        for number in range(1, 6):
+            order = OrderState(f"o{number}", UNDER_WAY, f"R{number}", released_ms=5)
+            fleet.tell(keys.orders(FLEET, order.id), order)
+        tab.open(address)
+        tab.wait("document.querySelectorAll('#orders li').length >= 5")
+        assert tab.run(rows) >= 8
+        tab.run("splinefleet.choose(76)")
+        tab.wait(f"{first} === 'R77'")
+        assert not tab.run("document.querySelector('.diagram').checkVisibility()")
+        click(tab, "show-chart")
+        assert tab.run("document.querySelector('.diagram').checkVisibility()")
+        assert tab.errors == []
 
 
 def test_who_only_looks_has_no_commands(tmp_path):

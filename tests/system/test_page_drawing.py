@@ -8,23 +8,11 @@ from coordinator.view.page import page_of
 from coordinator.view.scene_plan import scene_of_plan
 from sim.floors.generator import generate
 from tests.system.browser import browser, find_browser
+from tests.system.floor_words import WORDS
 
 pytestmark = pytest.mark.skipif(
     find_browser() is None, reason="no Chromium is installed (BROWSER names one)"
 )
-
-WORDS = """(() => {
-  const told = [], own = CanvasRenderingContext2D.prototype.fillText;
-  CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
-    if (this.canvas.id === "floor") {
-      told.push([text, x - this.measureText(text).width / 2, this.measureText(text).width, y]);
-    }
-    own.call(this, text, x, y);
-  };
-  splinefleet.draw();
-  CanvasRenderingContext2D.prototype.fillText = own;
-  return told.filter(([text]) => text.startsWith("R"));
-})()"""
 
 
 @pytest.fixture(scope="module")

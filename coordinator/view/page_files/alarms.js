@@ -52,12 +52,13 @@ class AlarmList {
 
   /** The entry of one alarm, or of a group that `fold` shows one by one. */
   item(group, acts, ...fold) {
-    const [alarm] = group, seen = element("button", { type: "button", textContent: "seen" });
+    const [alarm] = group, seen = element("button", { type: "button", textContent: "mark as seen" });
+    seen.title = "Somebody sees to it: it turns grey, and stays until its reason is over";
     seen.hidden = alarm.is_acknowledged || !mayCommand;
     seen.addEventListener("click", () => {
       for (const { id } of group) ask("POST", `alarms/${id}/acknowledge`);
     });
-    const about = element("button", { type: "button", className: "about", textContent: inWords(group) });
+    const about = element("button", { type: "button", className: "about", textContent: inShort(inWords(group)) });
     about.addEventListener("click", () => this.told.show(alarm.robot));
     const since = element("span", { className: "number", textContent: clockFace(1000 * alarm.since) });
     const todo = element("span", { className: "todo", textContent: alarm.todo });

@@ -18,17 +18,9 @@ async function ask(method, path, body, tell = (problem) => desk.say(problem, tru
 
 /** What can be done with a robot, in words. */
 const ACTS = {
-  admit: { words: "admit", title: "Let it take part again after it came back", unheard: "It is not heard yet" },
+  admit: { words: "admit", title: "Let it take part again after it came back" },
   leave: { words: "take out", title: "Take it out of the fleet, once it was carried away" },
 };
-
-/** How far robots that were told to stop have come to rest. */
-function resting(found) {
-  const unheard = found.filter((robot) => robot && robot.state === "unheard").length;
-  const moving = found.filter((robot) => robot && robot.state === "brakes").length;
-  const told = moving ? `braking: ${moving} still moving` : "stopped: all stand";
-  return unheard ? `${told}; ${unheard} not heard` : told;
-}
 
 class Desk {
   /**
@@ -84,7 +76,7 @@ class Desk {
   /** What has been answered, for a while. */
   say(text, isWrong = false) {
     const box = byId("answer");
-    box.textContent = text;
+    box.textContent = inShort(text);
     box.classList.toggle("fails", isWrong);
     clearTimeout(this.fades);
     this.fades = setTimeout(() => { box.textContent = ""; }, 15000);
@@ -108,14 +100,23 @@ class Desk {
     this.fleet = fleet;
     this.alarms.tell(fleet.alarms);
     this.tellActs();
-    update(byId("go-on"), { hidden: fleet.phase !== "stop" });
     update(byId("end-mission"), { hidden: fleet.phase === "over" || !mayCommand });
   }
 
-  /** Tell how far a fleet that was stopped has come to rest; `found`: its robots now, null if they are not shown. */
+  /** Tell what the fleet does; `found`: its robots now, null if they are not shown. */
   tellState(found) {
-    const isStopped = this.fleet && this.fleet.phase === "stop";
-    write(byId("state"), isStopped ? found ? resting(found) : "stopped" : "");
+    if (mayCommand && this.fleet) tellFleet(this.fleet.is_heard ? this.fleet.phase : "", found);
+  }
+
+  /** Robots off their paths: no proof speaks of them. */
+  offPath() {
+    return [...this.robots.values()].filter(({ fault }) => fault === "off its path").map(({ id }) => id);
+  }
+
+  /** The numbers of the robots that alarms are about. */
+  troubled() {
+    const alarms = this.fleet ? this.fleet.alarms : [], names = this.told.names();
+    return new Set(alarms.filter((one) => !one.order).map((one) => names.indexOf(one.robot)));
   }
 
   /** Whether the coordinator is heard, and a robot that was is not any more. */
@@ -128,20 +129,23 @@ class Desk {
     for (const name of names) this.robots.delete(name);
   }
 
-  /** What can be done with a robot: one that drives is left alone. */
+  /** What can be done with a robot, {act, later: why not yet}: one that drives is left alone. */
   acts(name) {
-    const robot = this.robots.get(name);
+    const robot = this.robots.get(name), leave = { act: "leave", later: "" };
     if (!robot || !mayCommand) return [];
-    if (!robot.is_heard || ["idle", "frozen"].includes(robot.phase)) return ["admit", "leave"];
-    return robot.phase === "done" ? ["leave"] : [];
+    if (!robot.is_heard) return [{ act: "admit", later: "when it is heard" }, leave];
+    if (["idle", "frozen"].includes(robot.phase)) return [{ act: "admit", later: "" }, leave];
+    return robot.phase === "done" ? [leave] : [];
   }
 
   /** Buttons that do this with a robot, and name it. */
   buttons(name, acts) {
-    return acts.map((act) => {
-      const { words, title, unheard } = ACTS[act], disabled = Boolean(unheard) && !this.robots.get(name).is_heard;
-      const button = element("button", { type: "button", textContent: `${words} ${name}`, disabled });
-      button.title = disabled ? unheard : title;
+    return acts.map(({ act, later }) => {
+      const { words, title } = ACTS[act];
+      const button = element("button", {
+        type: "button", textContent: `${words} ${name} ${later}`.trim(), disabled: Boolean(later),
+        title: later ? "It is not heard: start its program where it stands first" : title,
+      });
       button.dataset.act = act;
       button.addEventListener("click", () => this.robot(name, act));
       return button;
@@ -150,8 +154,7 @@ class Desk {
 
   /** Offer what can be done with the chosen robot. */
   tellActs() {
-    const name = this.whose(), acts = this.acts(name);
-    const key = [name, acts.length && this.robots.get(name).is_heard, ...acts].join();
+    const name = this.whose(), acts = this.acts(name), key = JSON.stringify([name, acts]);
     if (key === this.offered) return;
     this.offered = key;
     byId("robot-acts").replaceChildren(...this.buttons(name, acts));
@@ -251,14 +254,12 @@ class Desk {
 
   /** Draw closed places, whom alarms are about, and the goal that is being chosen. */
   draw(view, pen, look, found) {
-    const alarms = this.fleet ? this.fleet.alarms : [];
-    const alarmed = new Set(alarms.filter((one) => !one.order).map((one) => one.robot));
-    this.told.names().forEach((name, index) => {
-      if (!found[index] || !alarmed.has(name)) return;
-      this.drawStretch(view, pen, look, this.robots.get(name));
+    const names = this.told.names();
+    for (const index of this.troubled()) {
+      if (!found[index]) continue;
+      this.drawStretch(view, pen, look, this.robots.get(names[index]));
       view.ring(pen, found[index], index, look.red, 4);
-      view.label(pen, found[index], index, look);
-    });
+    }
     this.drawAsked(view, pen, look);
     this.closed.draw(view, pen, look);
     if (this.goal === null) return;

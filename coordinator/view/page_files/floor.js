@@ -17,8 +17,9 @@ class FloorView extends Ground {
     this.spots = [];
   }
 
-  /** Draw the floor at a time; `found` are the robots' states, `focus` and `hover` robots or -1. */
-  draw(t, found, focus, hover, look) {
+  /** Draw the floor at a time; `found` are the robots' states, `focus` and `hover` robots or -1, `troubled` a set. */
+  draw(t, found, focus, hover, look, troubled = new Set()) {
+    this.troubled = troubled;
     const epoch = this.play.epochAt(t);
     const courses = found.map((robot) =>
       robot && [robot.motion?.ride.revision, robot.next?.ride.revision, this.isIdle(robot), robot.state === "unheard"]);
@@ -43,7 +44,7 @@ class FloorView extends Ground {
     if (found[hover]) this.ring(pen, found[hover], hover, look.ink);
     if (this.shown.ghosts) this.drawGhosts(pen, t, found, focus, look);
     this.taken = [];
-    this.sayNames(pen, focus, look);
+    this.sayNames(pen, focus, hover, look);
     if (this.shown.waits) this.sayWaits(pen, found, focus, look);
     this.tellScale();
   }
@@ -114,7 +115,7 @@ class FloorView extends Ground {
       pen.textAlign = "center";
       pen.textBaseline = "middle";
       pen.font = look.font(size, 600);
-      pen.fillStyle = gone ? look.ink : look.onRobot;
+      pen.fillStyle = gone ? (this.troubled.has(index) ? look.red : look.ink) : look.onRobot;
       pen.fillText(body.id, x, y + 0.5);
     }
     pen.globalAlpha = 1;
@@ -141,29 +142,27 @@ class FloorView extends Ground {
     pen.fillText(words, x, y);
   }
 
-  /** Write names beside robots that are too small for them, clear of robots and other names. */
-  sayNames(pen, focus, look) {
-    if (this.crowd && focus < 0) return;
-    this.inscribe(pen, look, look.font(11, 600), look.ink);
-    for (const { index, x, y, radius } of this.spots) {
-      const name = this.play.scene.robots[index].id;
-      if (this.sizeOf(name, radius) > 0 || this.crowd && focus !== index) continue;
-      const wide = pen.measureText(name).width + 2, tall = 14;
-      const spot = this.room(wide, tall, [
-        [x - wide / 2, y - radius - 15], [x - wide / 2, y + radius + 2],
-        [x + radius + 4, y - 7], [x - radius - 4 - wide, y - 7],
-      ]);
-      pen.globalAlpha = focus >= 0 && focus !== index ? 0.35 : 1;
+  /**
+   * Write names beside robots that are too small for them, clear of robots and other names: of those
+   * in trouble first, then of the chosen one; others have none where there is no room.
+   */
+  sayNames(pen, focus, hover, look) {
+    const ranked = (index) => (this.troubled.has(index) ? 0 : index === focus ? 1 : index === hover ? 2 : 3);
+    for (const { index, x, y, radius } of this.spots.toSorted((a, b) => ranked(a.index) - ranked(b.index))) {
+      const name = this.play.scene.robots[index].id, rank = ranked(index), isTroubled = rank === 0;
+      if (this.sizeOf(name, radius) > 0 || this.crowd && rank === 3) continue;
+      this.inscribe(pen, look, look.font(isTroubled ? 12 : 11, 600), isTroubled ? look.red : look.ink);
+      const wide = pen.measureText(name).width + 2, away = radius + (isTroubled ? 5 : 0);
+      const left = x - away - 4 - wide, right = x + away + 4;
+      const spot = this.room(wide, 14, [
+        [x - wide / 2, y - away - 15], [x - wide / 2, y + away + 2], [right, y - 7], [left, y - 7],
+        [right, y - away - 12], [left, y - away - 12], [right, y + away], [left, y + away],
+      ], rank < 2);
+      if (!spot) continue;
+      pen.globalAlpha = rank === 3 && focus >= 0 ? 0.35 : 1;
       this.inscription(pen, name, spot.x + wide / 2, spot.y + 7);
     }
     pen.globalAlpha = 1;
-  }
-
-  /** Write the name of a robot above its ring, at full strength. */
-  label(pen, place, index, look) {
-    const radius = Math.max(this.zoom * this.play.scene.robots[index].radius, 3.5);
-    this.inscribe(pen, look, look.font(12, 700), look.red);
-    this.inscription(pen, this.play.scene.robots[index].id, this.X(place.x), this.Y(place.y) - radius - 14);
   }
 
   ring(pen, place, index, colour, away = 1.5) {
@@ -257,7 +256,8 @@ class FloorView extends Ground {
       const spot = this.room(wide, tall, [
         [x + away, y - 11], [x - away - wide, y - 11], [middle, y + away], [middle, y - away - 34],
         [middle, y + away + 16], [middle, y - away - 50],
-      ]);
+      ], index === focus);
+      if (!spot) continue;
       pen.fillStyle = look.ink;
       pen.beginPath();
       pen.roundRect(spot.x, spot.y, spot.wide, spot.tall, 11);
@@ -267,19 +267,21 @@ class FloorView extends Ground {
     }
   }
 
-  /** The first of some corners at which a text hides no robot and no other text, if any. */
-  room(wide, tall, corners) {
+  /** The first of some corners at which a text hides no robot (`must`: or if none, a robot) and no text; or null. */
+  room(wide, tall, corners, must) {
     const tries = corners.map(([x, y]) => ({ x, y, wide, tall }));
     const inside = ({ x, y }) =>
       x > 0 && y > 0 && x + wide < this.sheet.width && y + tall < this.sheet.height;
-    const hides = (one) => this.taken.some((other) =>
+    const overlaps = (one) => this.taken.some((other) =>
       one.x < other.x + other.wide && other.x < one.x + wide &&
-      one.y < other.y + other.tall && other.y < one.y + tall) ||
-      this.spots.some((spot) => spot.x + spot.radius > one.x && spot.x - spot.radius < one.x + wide &&
-        spot.y + spot.radius > one.y && spot.y - spot.radius < one.y + tall);
-    const found = tries.find((one) => inside(one) && !hides(one)) || tries.find(inside) || tries[0];
-    this.taken.push(found);
-    return found;
+      one.y < other.y + other.tall && other.y < one.y + tall);
+    const hides = (one) => this.spots.some((spot) =>
+      spot.x + spot.radius > one.x && spot.x - spot.radius < one.x + wide &&
+      spot.y + spot.radius > one.y && spot.y - spot.radius < one.y + tall);
+    const free = tries.filter((one) => inside(one) && !overlaps(one));
+    const found = free.find((one) => !hides(one)) ?? (must && free[0]);
+    if (found) this.taken.push(found);
+    return found || null;
   }
 
   /** The robot at a place on the canvas, or -1; a crowd leaves room to choose places. */

@@ -61,10 +61,13 @@ function describe(scene, unheard) {
     ` · margin ${scene.margin} m · policy ${scene.policy}`);
   const verdict = byId("verdict"), { epochs } = scene;
   const of = epochs.length > 1 ? `, epoch ${epochs[epochs.length - 1].epoch}` : "";
+  const off = desk.offPath(), left = off.length > 1 ? "off their paths are" : "off its path is";
+  const without = off.length ? `; ${off.join(", ")} ${left} not covered` : "";
   update(verdict, {
     hidden: scene.proven === null || unheard,
-    textContent: (scene.proven ? "proof holds" : "proof fails") + of,
-    className: scene.proven ? "holds" : "fails",
+    textContent: scene.proven ? `newest plan proven${of}${without}` : `proof fails${of}`,
+    title: "Robots that keep to their courses, as they were sent, touch nobody",
+    className: scene.proven && !off.length ? "holds" : "fails",
   });
 }
 
@@ -107,7 +110,10 @@ class RobotList {
     list.replaceChildren(...this.items);
     this.sight = new Sight();
     for (const item of this.items) this.sight.watch(item);
-    byId("find").hidden = this.rows.length <= FEW;
+    this.focus = -1;
+    this.many = this.rows.length > FEW;
+    byId("find").hidden = !this.many;
+    list.classList.toggle("many", this.many);
   }
 
   paint(look) {
@@ -115,6 +121,8 @@ class RobotList {
   }
 
   choose(focus) {
+    this.focus = focus;
+    if (focus >= 0 && this.many) byId("robots").parentElement.scrollTop = 0;
     this.rows.forEach((row, index) => row.button.setAttribute("aria-pressed", String(index === focus)));
   }
 
@@ -134,15 +142,23 @@ class RobotList {
     this.sift();
   }
 
-  /** Show the robots that are looked for, those in trouble first; count them by what they do. */
+  /** Where a robot stands in the list: those in trouble on top, then, of many, the chosen one. */
+  place(index, state, troubled) {
+    if (state === "unheard" || troubled.has(index)) return 0;
+    if (!this.many) return 2;
+    if (index === this.focus) return 1;
+    return byId("trouble").checked ? 2 + rank(state) : 2 + TROUBLE.length;
+  }
+
+  /** Show the robots that are looked for, in order; count them by what they do. */
   sift() {
+    const troubled = desk.troubled();
     const wanted = byId("search").value.trim().toLowerCase();
     const counts = new Map();
     this.rows.forEach((row, index) => {
       const { state } = row.button.dataset, item = this.items[index];
       counts.set(state, (counts.get(state) || 0) + 1);
-      const order = byId("trouble").checked && this.rows.length > FEW || state === "unheard" ?
-          rank(state) : TROUBLE.length;
+      const order = this.place(index, state, troubled);
       if (item.style.order !== String(order)) item.style.order = order;
       const told = `${this.bodies[index].id} ${row.text}`.toLowerCase();
       update(item, { hidden: !told.includes(wanted) });

@@ -2,8 +2,15 @@
 
 const ORDER_STATES = ["waiting", "under way", "done", "cancelled", "refused"];
 const [WAITING, UNDER_WAY, DONE] = [0, 1, 2];
-/** The coordinator's own orders, by which robots go out of others' way. */
-const MAKES_ROOM = "room-";
+/** The coordinator's own orders: what they are, what their robots do, and the reasons that say so. */
+const OWN = {
+  room: { name: "aside", words: "makes room", known: "makes room for" },
+  way: { name: "detour", words: "goes another way", known: "goes around" },
+};
+const own = (id) => OWN[id.match(/^(room|way)-\d+$/)?.[1]];
+/** A text with short names of orders. */
+const inShort = (text) => text.replace(/\b(order-[0-9a-f]{4})[0-9a-f]{4}\b/g, "$1")
+  .replace(/\broom-\d+\b/g, "a move aside").replace(/\bway-\d+\b/g, "a detour");
 /** So many orders that are over are listed, the last ones. */
 const LISTED = 30;
 
@@ -21,7 +28,7 @@ function orderAt(order, t) {
   if (!step) return null;
   const [since, state, robot, planned, reason] = step;
   const arrived = order.arrived !== null && order.arrived <= t && state !== WAITING ? order.arrived : null;
-  return { id: order.id, since, state, robot, planned, reason, arrived };
+  return { id: order.id, since, state, robot, planned, reason, arrived, given: order.steps[0][0] };
 }
 
 const isSilent = (robot) => Boolean(robot && robot.state === "unheard");
@@ -74,7 +81,7 @@ class OrderList {
       if (one && (all || this.sight.has(row.item))) this.fill(row, one, robots[one.robot], t, look);
     });
     const going = listed.filter((one) => one.state === UNDER_WAY).reverse(); // The first one stands, of two.
-    return new Map(going.map((one) => [one.robot, one.id]));
+    return new Map(going.map((one) => [one.robot, own(one.id) ? this.owns(one) : inShort(one.id)]));
   }
 
   row() {
@@ -103,24 +110,51 @@ class OrderList {
     update(row.button.dataset, { state: ORDER_STATES[one.state] });
     const colour = known ? look.robot(one.robot) : "transparent";
     if (row.colour !== colour) swatch.style.setProperty("--colour", row.colour = colour);
-    write(id, one.id);
+    write(id, own(one.id)?.name ?? inShort(one.id));
+    update(row.button, { title: `${one.id}, given ${this.when(one.given)}` });
     write(state, this.words(one, robot, t));
-    const at = one.state === UNDER_WAY && !isSilent(robot) ? one.planned : one.state === DONE ? one.arrived : one.since;
-    write(number, moment(at ?? one.since, this.day));
+    write(number, this.timeOf(one, robot, t));
+  }
+
+  /** The time of the day, where it is known, else the seconds. */
+  when(t) {
+    const at = this.day(t);
+    return at === null ? `${t.toFixed(1)} s` : clockFace(at);
+  }
+
+  /** The time that matters of an order, and which one it is. */
+  timeOf(one, robot, t) {
+    if (one.arrived !== null) return `at ${this.when(one.arrived)}`;
+    if (one.state === WAITING || isSilent(robot) && one.state === UNDER_WAY) return `given ${this.when(one.given)}`;
+    if (one.state !== UNDER_WAY || one.planned === null) return `at ${this.when(one.since)}`;
+    const late = this.late(one, robot, t), due = late >= 1 ? `due ${this.when(one.planned)}, ` : "";
+    return `${due}about ${this.when(one.planned + Math.max(late, 0))}`;
+  }
+
+  /** How much later than planned [s] a robot does an order. */
+  late(one, robot, t) {
+    if (one.arrived !== null) return one.arrived - one.planned;
+    return robot && robot.motion ? robot.late + this.play.putOff(t) - this.play.putOff(one.since) : 0;
+  }
+
+  /** What a robot does by an order of the coordinator's own, and for whom, where that was said. */
+  owns({ id }) {
+    const { words, known } = own(id), { orders, robots } = this.play.scene;
+    const reason = orders.find((one) => one.id === id)?.steps.findLast((step) => step[4].startsWith(known))?.[4];
+    const whose = reason && orders.find((one) => reason.endsWith(` ${one.id}`))?.steps.at(-1)[2];
+    return whose >= 0 ? `${known} ${robots[whose].id}` : inShort(reason ?? words);
   }
 
   words(one, robot, t) {
-    const putOff = this.play.putOff(t) - this.play.putOff(one.since);
-    const name = one.robot < 0 ? "" : this.play.scene.robots[one.robot].id;
-    const late = one.arrived !== null ? one.arrived - one.planned : robot && robot.motion ? robot.late + putOff : 0;
+    const name = one.robot < 0 ? "" : this.play.scene.robots[one.robot].id, late = this.late(one, robot, t);
     const lateness = one.planned !== null && late > LATE ? `, ${late.toFixed(1)} s late` : "";
     if (isSilent(robot) && [WAITING, UNDER_WAY].includes(one.state)) return `waits for ${name} to come back`;
-    if (one.state === UNDER_WAY && one.id.startsWith(MAKES_ROOM)) return `${name} makes room${lateness}`;
+    if (own(one.id) && [WAITING, UNDER_WAY].includes(one.state)) return `${name} ${this.owns(one)}${lateness}`;
     if (one.state === UNDER_WAY) {
       return `${name} ${one.arrived === null ? "arrives" : "is at the goal"}${lateness}`;
     }
     if (one.state === DONE) return `${name} was there${lateness}`;
-    if (one.state === WAITING) return one.reason || ORDER_STATES[WAITING];
-    return one.reason ? `${ORDER_STATES[one.state]}: ${one.reason}` : ORDER_STATES[one.state];
+    if (one.state === WAITING) return inShort(one.reason) || ORDER_STATES[WAITING];
+    return one.reason ? `${ORDER_STATES[one.state]}: ${inShort(one.reason)}` : ORDER_STATES[one.state];
   }
 }

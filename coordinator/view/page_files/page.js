@@ -1,7 +1,7 @@
 // The page: time, controls, and what happens when.
 
 const live = document.documentElement.dataset.live === "true";
-const shown = { paths: true, zones: true, waits: true, heat: false, ghosts: true };
+const shown = { paths: true, zones: true, waits: true, heat: false, chart: true, ghosts: true };
 const controls = {
   play: byId("play"), shape: byId("play-shape"), slider: byId("slider"), clock: byId("clock"),
   phase: byId("phase"), speed: byId("speed"), follow: byId("follow"),
@@ -32,6 +32,7 @@ function load(scene) {
     robots.paint(look);
     robots.choose(focus);
     listed = -Infinity;
+    if (mayCommand && !names) byId("show-chart").checked = shown.chart = scene.robots.length <= FEW;
   }
   names = found;
   desk.offer(scene.robots.map((robot) => robot.id));
@@ -138,13 +139,13 @@ function draw() {
     const robot = play.robot(index, now), isUnheard = following && desk.isUnheard(id);
     return robot && isUnheard ? { ...robot, v: 0, state: "unheard" } : robot;
   });
-  floor.draw(now, found, focus, hover, look);
+  floor.draw(now, found, focus, hover, look, desk.troubled());
   if (shown.heat) flow.draw(floor, floor.sheet.pen, look);
   desk.draw(floor, floor.sheet.pen, look, found);
-  diagram.draw(now, found, focus, hover, look);
+  if (shown.chart) diagram.draw(now, found, focus, hover, look);
   if (preview !== null && hover >= 0) {
     floor.preview(play.robot(hover, preview), hover, preview, look);
-    diagram.preview(preview, look);
+    if (shown.chart) diagram.preview(preview, look);
   }
   if (pointer) tip.tell(play, hover, now, found, pointer.x, pointer.y);
   tell(found);
@@ -220,6 +221,7 @@ const word = new Word({
   fleet: (found) => {
     const isTurn = desk.fleet && desk.fleet.phase !== found.phase;
     desk.hear(found);
+    describe(play.scene, isUnheard());
     if (isTurn) turn();
   },
   gone: (found) => desk.forget(found),

@@ -1,0 +1,32 @@
+// What the whole fleet does, in words that nobody mistakes: it runs, brakes, or is stopped.
+
+/** A fleet's phase in words, and the colour of its badge. */
+const FLEET = {
+  hold: ["ready, not started", "ready"], go: ["running", "runs"], stop: ["stopped", "stopped"],
+  freeze: ["frozen", "stopped"], over: ["mission over", "ready"],
+};
+
+/** [words, colour] of a fleet in a phase; `found`: its robots now, null if the page shows the past. */
+function fleetState(phase, found) {
+  const [words, colour] = FLEET[phase] ?? ["", ""];
+  if (!words || !found) return [words && `${words}; the page shows the past`, colour];
+  const count = (test) => found.filter((robot) => robot && test(robot)).length;
+  const braking = count((robot) => robot.state === "brakes"), moving = count((robot) => robot.v > STANDS);
+  const unheard = count((robot) => robot.state === "unheard"), more = unheard ? `; ${unheard} not heard` : "";
+  if (phase === "stop" && braking) return [`braking: ${braking} still moving${more}`, "brakes"];
+  if (phase === "stop") return [`stopped: all stand${more}`, colour];
+  return [phase === "go" ? `running: ${moving || "none"} moving${more}` : words, colour];
+}
+
+/** Say so in a badge, and what the button beside it does: while robots brake, it takes STOP back. */
+function tellFleet(phase, found) {
+  const [words, colour] = fleetState(phase, found);
+  write(byId("state"), words);
+  update(document.body.dataset, { fleet: colour });
+  const brakes = colour === "brakes";
+  update(byId("go-on"), {
+    hidden: phase !== "stop",
+    textContent: brakes ? "cancel STOP" : "go on",
+    title: brakes ? "Robots still brake: let them drive on" : "Let the fleet go on where it was stopped",
+  });
+}
