@@ -202,7 +202,7 @@ class Obstructions:
             self.news.append((around_key(fleet.name), around_record(name)))
         for robot, by in self.held_up().items():
             if fleet.members[by].lost and not fleet.grants.is_over(by):
-                fleet.go_around(fleet.members[by], now_ns)  # It was lost before it was on its way.
+                fleet.go_around(fleet.members[by], now_ns)  # Lost before it began its next course.
             elif self._may_leave(robot, now_ns):
                 self._go_around(robot, by, now_ms)
         self._close(now_ns, now_ms)

@@ -390,7 +390,8 @@ def _among(search: _Search, track: Track) -> tuple[Junctions, Motions, list[Cour
     low, high = track.chords.points.min(axis=0), track.chords.points.max(axis=0)
     are_near = boxes.apart(low, high) < robot.radius + boxes.radii + margin + 0.01
     among = [search.others[k] for k in np.flatnonzero(are_near).tolist()]
-    among = [one for one in among if not one.has_ended or one.until < math.inf]  # Paths go round.
+    # The path itself keeps clear of robots that stand at their ends for ever.
+    among = [one for one in among if not one.has_ended or one.until < math.inf]
     copies = [(one, delay) for one in among for delay in _delays(site, wish, one)]
     near = [one for one, _ in copies]
     tracks = [track, *(_known(one.driven) for one in near)]

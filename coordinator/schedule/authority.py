@@ -140,7 +140,7 @@ class Authority:
     def holder_of(self, course: int, staircases: Staircases | None = None) -> int | None:
         """Return the course that leaves a course the least authority; None if nobody limits it.
 
-        `staircases`: others than those by which is granted.
+        `staircases`: those that count, by default those by which authority is granted.
         """
         table = self._table if staircases is None else _table_of(staircases, len(self.told))
         found = int(holder(table, self.progress, course))
