@@ -295,6 +295,10 @@ def test_robots_are_drawn_on_the_course_that_they_drive_and_orders_are_told(tab,
             arrived=15.0,
         ),
         Order(id="next", steps=[(13.0, 1, 0, 30.0, "")]),
+        Order(
+            id="room-1",
+            steps=[(18.0, 0, 1, None, ""), (18.5, 1, 1, 25.0, "makes room for next")],
+        ),
         Order(id="off", steps=[(5.0, 4, -1, None, "there is no way")]),
     ]
     rides = [first, *epoch.rides[1:], further, never]
@@ -318,25 +322,26 @@ def test_robots_are_drawn_on_the_course_that_they_drive_and_orders_are_told(tab,
         return title, tab.run(f"{rows}.map(row => row.innerText.replaceAll('\\n', ' ').trim())")
 
     assert told(1.0) == ("Orders", [])
-    off = "off refused: there is no way 11:59:55 · 5.0 s"
+    off = "off refused: there is no way at 11:59:55"
     assert told(6.0) == (
         "Orders: 1 waiting, 1 refused",
-        ["fetch no robot is free 11:59:52 · 2.0 s", off],
+        ["fetch no robot is free given 11:59:52", off],
     )
-    assert told(12.0)[1][0] == "fetch R1 arrives 12:00:04 · 14.0 s"
+    assert told(12.0)[1][0] == "fetch R1 arrives about 12:00:04"
     assert tab.run("document.getElementById('day').textContent") == "12:00:02"
     assert "· fetch" in tab.run("document.querySelector('#robots li').innerText")
     told(14.0)
     assert "· fetch" in tab.run("document.querySelector('#robots li').innerText")
-    assert told(15.5)[1][0] == "fetch R1 is at the goal, 1.0 s late 12:00:04 · 14.0 s"
+    assert told(15.5)[1][0] == "fetch R1 is at the goal, 1.0 s late at 12:00:05"
     assert told(17.0) == (
         "Orders: 1 under way, 1 done, 1 refused",
         [
-            "next R1 arrives 12:00:20 · 30.0 s",
-            "fetch R1 was there, 1.0 s late 12:00:05 · 15.0 s",
+            "next R1 arrives about 12:00:20",
+            "fetch R1 was there, 1.0 s late at 12:00:05",
             off,
         ],
     )
+    assert "aside R2 makes room for R1 about 12:00:15" in told(19.0)[1]
     assert tab.errors == []
 
 
