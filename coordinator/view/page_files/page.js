@@ -283,6 +283,7 @@ for (const name of Object.keys(shown)) {
 const watcher = new ResizeObserver(() => {
   Sheet.layouts++;
   stale = true;
+  hurry();
 });
 for (const id of ["floor", "diagram"]) watcher.observe(byId(id));
 byId("zoom-in").addEventListener("click", () => hand.enlarge(ENLARGED));
