@@ -40,7 +40,8 @@ class Task:
 
     `robot`: who does it, "" until one is chosen.  `makes_room`: the coordinator's own order, for a
     robot that is in the way; it then goes back to `returns_to`, by an order that `is_return`, once
-    no other order is open.  `revision`: the course by which it is done.  `is_urgent`: its robot
+    no other order is open.  `purpose`: what an order of the coordinator's own is for, said while it
+    is under way.  `revision`: the course by which it is done.  `is_urgent`: its robot
     leaves what it does for it, as soon as it drives the course `leaves` or a later one.
     """
 
@@ -54,6 +55,7 @@ class Task:
     alone_ms: int | None = None
     reason: str = ""
     makes_room: bool = False
+    purpose: str = ""
     is_urgent: bool = False
     revision: int = 0
     leaves: int = 0
@@ -75,6 +77,7 @@ class Task:
 
     def message(self) -> OrderState:
         """Return what the coordinator says of the order."""
+        reason = self.reason or (self.purpose if self.state == UNDER_WAY else "")
         return OrderState(
             id=self.order.id,
             state=self.state,
@@ -84,7 +87,7 @@ class Task:
             planned_arrival_ms=self.planned_arrival_ms,
             arrived_ms=self.arrived_ms,
             alone_ms=self.alone_ms,
-            reason=self.reason[:_REASON],
+            reason=reason[:_REASON],
         )
 
 
@@ -320,6 +323,7 @@ class OrderBook:
             self._made_room += 1
             order = Order(id=f"{_WAY}{self._made_room}", robot=robot, goal=goal, via=via)
             task = self.give(order, now_ms)
+            task.purpose = f"goes around {what}"
         elif does or task.revision == revision > 0:
             task.order = replace(task.order, via=via)
         task.robot, task.is_urgent, task.reason = robot, True, f"goes around {what}"
@@ -329,14 +333,15 @@ class OrderBook:
         if not any(one.is_return and one.robot == robot for one in self._open.values()):
             self._made_room += 1
             order = Order(id=f"{_WAY}{self._made_room}", robot=robot, goal=goal)
-            self.give(order, since_ms).is_return = True
+            task = self.give(order, since_ms)
+            task.is_return, task.purpose = True, "goes back"
 
     def room_for(self, robot: str, goal: Pose, whose: str, now_ms: int) -> Task:
         """Return a new order of the coordinator's own: a robot makes room for another order."""
         self._made_room += 1
         order = Order(id=f"{_ROOM}{self._made_room}", robot=robot, goal=goal)
         task = self.give(order, now_ms, makes_room=True)
-        task.reason = f"makes room for {whose}"
+        task.reason = task.purpose = f"makes room for {whose}"
         return task
 
     def end(self, task: Task, state: int, reason: str = "") -> None:

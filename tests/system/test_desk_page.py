@@ -119,7 +119,7 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
 
         agents["R2"].send_signal(signal.SIGKILL)
         tab.wait(f"{ALARMS}.includes('R2 is not heard')")
-        tab.wait(f"/admit R2 when it is heard\\s+take out R2/.test({ALARMS})")
+        tab.wait(f"/admit R2 once heard\\s+take out R2/.test({ALARMS})")
         assert tab.run("document.querySelector('#alarms [data-act=admit]').disabled")
         tab.run("splinefleet.choose(1)")
         tab.settle()

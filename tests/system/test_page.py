@@ -295,6 +295,10 @@ def test_robots_are_drawn_on_the_course_that_they_drive_and_orders_are_told(tab,
             arrived=15.0,
         ),
         Order(id="next", steps=[(13.0, 1, 0, 30.0, "")]),
+        Order(
+            id="room-1",
+            steps=[(18.0, 0, 1, None, ""), (18.5, 1, 1, 25.0, "makes room for next")],
+        ),
         Order(id="off", steps=[(5.0, 4, -1, None, "there is no way")]),
     ]
     rides = [first, *epoch.rides[1:], further, never]
@@ -337,6 +341,7 @@ def test_robots_are_drawn_on_the_course_that_they_drive_and_orders_are_told(tab,
             off,
         ],
     )
+    assert "aside R2 makes room for R1 about 12:00:15" in told(19.0)[1]
     assert tab.errors == []
 
 

@@ -125,6 +125,12 @@ class Desk {
     return Boolean(this.fleet && this.fleet.is_heard && robot && robot.age !== null && !robot.is_heard);
   }
 
+  /** Whether a robot is heard, but has no course. */
+  isBack(name) {
+    const robot = this.robots.get(name);
+    return Boolean(this.fleet?.is_heard && robot?.is_heard && robot.phase === "idle");
+  }
+
   forget(names) {
     for (const name of names) this.robots.delete(name);
   }
@@ -133,7 +139,7 @@ class Desk {
   acts(name) {
     const robot = this.robots.get(name), leave = { act: "leave", later: "" };
     if (!robot || !mayCommand) return [];
-    if (!robot.is_heard) return [{ act: "admit", later: "when it is heard" }, leave];
+    if (!robot.is_heard) return [{ act: "admit", later: "once heard" }, leave];
     if (["idle", "frozen"].includes(robot.phase)) return [{ act: "admit", later: "" }, leave];
     return robot.phase === "done" ? [leave] : [];
   }

@@ -1,7 +1,7 @@
 // The floor at one moment: robots, the rest of their paths, highlighted zones, waits, ghosts.
 
 /** The states of robots that have left their plan for good. */
-const RESTS = new Set(["stopped", "unheard"]);
+const RESTS = new Set(["stopped", "unheard", "no course"]);
 
 /** The states of robots that stand or slow down because of another one. */
 const WAITS = new Set(["waits", "held"]);

@@ -73,7 +73,7 @@ function describe(scene, unheard) {
 
 /** How much a robot's state needs a person: the lowest number first. */
 const TROUBLE = [
-  ["unheard"], ["lost", "not fit", "no way", "plan not heard", "stopped"], ["held"], ["waits"],
+  ["unheard"], ["lost", "no course", "not fit", "no way", "plan not heard", "stopped"], ["held"], ["waits"],
   ["brakes"], ["drives"],
 ];
 

@@ -2,10 +2,9 @@
 
 const ORDER_STATES = ["waiting", "under way", "done", "cancelled", "refused"];
 const [WAITING, UNDER_WAY, DONE] = [0, 1, 2];
-/** The coordinator's own orders: what they are, what their robots do, and the reasons that say so. */
+/** The coordinator's own orders: what they are, and what their robots do where no reason is said. */
 const OWN = {
-  room: { name: "aside", words: "makes room", known: "makes room for" },
-  way: { name: "detour", words: "goes another way", known: "goes around" },
+  room: { name: "aside", words: "makes room" }, way: { name: "detour", words: "goes another way" },
 };
 const own = (id) => OWN[id.match(/^(room|way)-\d+$/)?.[1]];
 /** A text with short names of orders. */
@@ -137,12 +136,11 @@ class OrderList {
     return robot && robot.motion ? robot.late + this.play.putOff(t) - this.play.putOff(one.since) : 0;
   }
 
-  /** What a robot does by an order of the coordinator's own, and for whom, where that was said. */
-  owns({ id }) {
-    const { words, known } = own(id), { orders, robots } = this.play.scene;
-    const reason = orders.find((one) => one.id === id)?.steps.findLast((step) => step[4].startsWith(known))?.[4];
-    const whose = reason && orders.find((one) => reason.endsWith(` ${one.id}`))?.steps.at(-1)[2];
-    return whose >= 0 ? `${known} ${robots[whose].id}` : inShort(reason ?? words);
+  /** What a robot does by an order of the coordinator's own, and for whom, where that is said. */
+  owns({ id, state, reason }) {
+    const said = state === UNDER_WAY && reason, { orders, robots } = this.play.scene;
+    const whose = said && orders.find((one) => said.endsWith(` ${one.id}`)), by = whose ? whose.steps.at(-1)[2] : -1;
+    return by < 0 ? inShort(said || own(id).words) : said.replace(/\S+$/, robots[by].id);
   }
 
   words(one, robot, t) {

@@ -137,6 +137,7 @@ function show(index) {
 function draw() {
   const found = play.scene.robots.map(({ id }, index) => {
     const robot = play.robot(index, now), isUnheard = following && desk.isUnheard(id);
+    if (following && robot?.state === "unheard" && desk.isBack(id)) return { ...robot, state: "no course" };
     return robot && isUnheard ? { ...robot, v: 0, state: "unheard" } : robot;
   });
   floor.draw(now, found, focus, hover, look, desk.troubled());
@@ -282,6 +283,7 @@ for (const name of Object.keys(shown)) {
 const watcher = new ResizeObserver(() => {
   Sheet.layouts++;
   stale = true;
+  hurry();
 });
 for (const id of ["floor", "diagram"]) watcher.observe(byId(id));
 byId("zoom-in").addEventListener("click", () => hand.enlarge(ENLARGED));
