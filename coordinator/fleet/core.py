@@ -332,7 +332,7 @@ class Fleet(OperatedFleet):
             return
         self._lose_silent(moving, now_ns)
         failing = self._failing(moving, now_ns)
-        rests_ms = self.times.plan_ms(now_ns) - self.grants.got_on_ms
+        rests_ms = self.times.plan_ms(now_ns) - self.grants.standstills.got_on_latest_ms
         ends = rests_ms > SILENT_PATIENCE // MILLISECOND and not self.orders.is_open_or_stays
         if not failing and not ends:
             self._waits_since_ns = None
@@ -360,14 +360,14 @@ class Fleet(OperatedFleet):
         One that is lost and holds nobody is in nobody's way, unless orders may lead others there.
         """
         grants, are_orders = self.grants, self.orders.is_open_or_stays
-        stuck = set(grants.stuck(self.times.plan_ms(now_ns)))
+        stuck = grants.stuck(self.times.plan_ms(now_ns))
         return [
             one
             for one in moving
             if one.id not in grants.given_up
             and (
                 (one.id in stuck and not one.is_new and (are_orders or not one.lost))
-                or (one.lost and grants.behind([one.id]))
+                or (one.lost and grants.standstills.behind([one.id]))
             )
         ]
 

@@ -1,17 +1,17 @@
-"""The courses of a fleet's robots, the authority on them as Commands state it, who is held by whom.
+"""The courses of a fleet's robots, and the authority on them as Commands state it.
 
 A robot has a course in force and at most one that it was sent and has not begun.  Before it reports
 that it drives that one, it is granted nothing on it but where it is the course in force as well.
 So it is always on one known course.
 
-Decides: which courses robots may be driving, how authorities are divided among Commands, when a
-robot counts as held or stuck.  Must not know: phases, when a Command is sent.
+Decides: which courses robots may be driving, how authorities are divided among Commands.  Must not
+know: phases, when a Command is sent.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -19,6 +19,7 @@ import msgspec
 import numpy as np
 
 from coordinator.fleet.sent_courses import Courses, PlainSent, Sent, Span
+from coordinator.fleet.standstills import LATELY_MS, Standstills
 from coordinator.plan.course import Course
 from coordinator.plan.course_staircases import CourseStaircases
 from coordinator.plan.staircases import NO_STAIRCASES, PlainStaircases, Staircases
@@ -27,9 +28,6 @@ from coordinator.schedule.authority import EVER, Authority, PlainAuthority
 from protocol.messages import MOST_HELD, Report
 from protocol.phases import DONE
 from protocol.timing import LATE_STEP_MS
-
-STUCK_MS: Final = 10_000
-"""A robot that nobody holds and that has not got on for this long is stuck."""
 
 ROOM: Final = 0.1
 """Tolerance [m]: a robot beyond the end of its authority by no more than this has not passed it."""
@@ -41,13 +39,13 @@ _STANDS: Final = 0.02
 """A robot no farther than this [m] from where its authority ends, as far as is known, stands there.
 """
 
-_STEPS: Final = 2
-"""A robot gets on when its known progress has grown by this many steps of lateness."""
-
-ROOM_MS: Final = 1_000
+_NEAR_MS: Final = LATELY_MS
 """A robot that others let drive on for less than this is near the end of its authority.
 
 It is held if it should have been there already."""
+
+_ROOM_MS: Final = 1_000
+"""A robot may claim to have passed this much more than it was told, by the steps of its reports."""
 
 
 class Stated(NamedTuple):
@@ -78,14 +76,6 @@ class PlainGrants(msgspec.Struct, frozen=True):
     limits: dict[str, int]
     given_up: list[str]
     held: list[tuple[int, int, int]]
-
-
-class Held(NamedTuple):
-    """A robot that another one holds, and since which plan time [ms]."""
-
-    robot: str
-    by: str
-    since_ms: int
 
 
 class Grants:
@@ -132,18 +122,8 @@ class Grants:
         self.given_up: set[str] = set()
         """Robots that are granted nothing more on the course in force."""
 
-        self.got_on_ms = 0
-        """The plan time when a robot last got on."""
-
+        self.standstills = Standstills(self._names)
         self._done = np.zeros(2 * count, bool)
-        self._got_on_ms = np.zeros(2 * count, np.int64)
-        """When each robot last got on, or could not because it was held."""
-        self._passed_ms = np.zeros(2 * count, np.int64)
-        """What each robot had passed when it last got on."""
-        self._held: dict[int, tuple[int, int]] = {}
-        """By slot: who holds a robot, and since when [ms]."""
-        self._kept_from: dict[str, str] = {}
-        """By robot: who has to pass before it may begin the course last found for it."""
 
     def plain(self) -> PlainGrants:
         """Return the grants as plain data."""
@@ -164,14 +144,14 @@ class Grants:
             courses,
             self._numbers.tobytes(),
             self._done.tobytes(),
-            self._got_on_ms.tobytes(),
-            self._passed_ms.tobytes(),
-            self.got_on_ms,
+            self.standstills.got_on_ms.tobytes(),
+            self.standstills.passed_ms.tobytes(),
+            self.standstills.got_on_latest_ms,
             self._next_number,
             sorted(self._reserved),
             self._limits,
             sorted(self.given_up),
-            [(slot, *held) for slot, held in self._held.items()],
+            [(slot, *held) for slot, held in self.standstills.by_slot.items()],
         )
 
     @classmethod
@@ -188,16 +168,17 @@ class Grants:
         for mine in made._courses.values():
             if mine.next is not None and not mine.next.is_withdrawn:
                 made._run_along(mine.now, mine.next)
-        made._numbers, made._got_on_ms, made._passed_ms = (
+        made.standstills = still = Standstills(made._names)
+        made._numbers, still.got_on_ms, still.passed_ms = (
             np.frombuffer(one, np.int64).copy()
             for one in (told.numbers, told.got_on_ms, told.passed_ms)
         )
+        still.got_on_latest_ms = told.got_on_latest_ms
+        still.by_slot = {slot: (by, since) for slot, by, since in told.held}
         made._done = np.frombuffer(told.done, bool).copy()
-        made.got_on_ms = told.got_on_latest_ms
         made._next_number, made._reserved = told.next_number, set(told.reserved)
         made._limits = told.limits
         made.given_up = set(told.given_up)
-        made._held = {slot: (by, since) for slot, by, since in told.held}
         return made
 
     def in_force(self) -> tuple[list[Course], Staircases]:
@@ -291,7 +272,7 @@ class Grants:
         slot, stairs = self._courses[robot].now.slot, self._staircases.all
         pairs = [
             (pair, behind)
-            for behind, (by, _) in self._held.items()
+            for behind, (by, _) in self.standstills.by_slot.items()
             if by == slot
             for pair in np.flatnonzero((stairs.behind == behind) & (stairs.ahead == by)).tolist()
         ]
@@ -379,12 +360,12 @@ class Grants:
         if not fits:
             by = self._rule.holder_of(slot, mine_only)
             if by is not None:
-                self._kept_from[robot] = self._name(by)
+                self.standstills.keep_from(robot, by)
             self._staircases.put(slot, NO_STAIRCASES, ())
         self._rule.renew(self._staircases.all)
         if not fits:
             return False
-        self._kept_from.pop(robot, None)
+        self.standstills.await_start(slot, begin_ms)
         self.release(number)
         sent = Sent(slot, number, plan.revision, begin_ms, course, shared_ms=shared_ms)
         if mine is None:
@@ -397,7 +378,6 @@ class Grants:
             mine.next = sent
             self._run_along(mine.now, sent)
         self._numbers[slot], self._done[slot] = number, False
-        self._passed_ms[slot] = self._got_on_ms[slot] = begin_ms
         return True
 
     def _run_along(self, now: Sent, coming: Sent) -> None:
@@ -414,9 +394,7 @@ class Grants:
         self._rule.grow(2)
         self._numbers = np.append(self._numbers, [-1, -1])
         self._done = np.append(self._done, [False, False])
-        self._got_on_ms, self._passed_ms = (
-            np.append(one, np.zeros(2, np.int64)) for one in (self._got_on_ms, self._passed_ms)
-        )
+        self.standstills.grow()
         return first
 
     def remove(self, robot: str) -> None:
@@ -430,8 +408,7 @@ class Grants:
             self._reserved.add(one.number)
             self._rule.arrive(one.slot)
             self._rule.barred[one.slot], self._numbers[one.slot] = True, -1
-            self._held.pop(one.slot, None)
-        self._kept_from = {one: by for one, by in self._kept_from.items() if robot not in (one, by)}
+        self.standstills.remove(robot, [one.slot for one in mine or ()])
         self.given_up.discard(robot)
 
     def _slot(self, course: Course) -> int:
@@ -477,9 +454,7 @@ class Grants:
         rule.part(begun.slot)
         rule.barred[old.slot], rule.barred[begun.slot] = True, begun.is_withdrawn
         self._numbers[old.slot] = -1
-        self._held.pop(old.slot, None)
-        self._got_on_ms[begun.slot] = now_ms
-        self.got_on_ms = max(now_ms, self.got_on_ms)
+        self.standstills.begin(begun.slot, old.slot, now_ms)
 
     def _hear_progress(self, sent: Sent, report: Report, now_ms: int) -> bool:
         slot = sent.slot
@@ -492,10 +467,7 @@ class Grants:
             return True
         claimed_ms = report.stamp_ms - LATE_STEP_MS * report.late
         self._rule.know(slot, claimed_ms)
-        passed_ms = int(self._rule.progress[slot])
-        if passed_ms - self._passed_ms[slot] >= _STEPS * LATE_STEP_MS:
-            self._passed_ms[slot], self.got_on_ms = passed_ms, max(now_ms, self.got_on_ms)
-            self._got_on_ms[slot] = max(now_ms, int(self._got_on_ms[slot]))
+        self.standstills.drive(slot, int(self._rule.progress[slot]), now_ms)
         return self._can_be_at(sent, claimed_ms)
 
     def _can_be_at(self, sent: Sent, claimed_ms: int) -> bool:
@@ -504,8 +476,8 @@ class Grants:
         One that waits by its plan is there until the wait ends, which may be long after that.
         """
         told_ms = int(self._rule.told[sent.slot])
-        if claimed_ms <= told_ms + ROOM_MS or sent.course is None:
-            return claimed_ms <= told_ms + ROOM_MS
+        if claimed_ms <= told_ms + _ROOM_MS or sent.course is None:
+            return claimed_ms <= told_ms + _ROOM_MS
         line = sent.course.driven.timeline
         return line.s_at(claimed_ms / 1000.0) <= line.s_at(told_ms / 1000.0) + ROOM
 
@@ -530,53 +502,30 @@ class Grants:
         ]
 
     def _note_held(self, now_ms: int, most_ms: int) -> None:
-        rule = self._rule
+        rule, got_on_ms = self._rule, self.standstills.got_on_ms
         wanted = np.minimum(rule.unlimited(now_ms, self.headroom_ms), most_ms)
-        is_near = (rule.granted < wanted) & (rule.granted - rule.progress < ROOM_MS) & ~self._done
+        is_near = (rule.granted < wanted) & (rule.granted - rule.progress < _NEAR_MS) & ~self._done
         is_near &= rule.leads < 0
         halted = [one.now.slot for one in self._courses.values() if one.begins_at_rest(now_ms)]
         is_near[halted] &= rule.granted[halted] < rule.most[halted]  # Nobody holds those.
-        self._got_on_ms[is_near] = now_ms
+        got_on_ms[is_near] = now_ms
         for name, limit_ms in self._limits.items():
             slot = self._courses[name].now.slot
             if rule.granted[slot] >= limit_ms and slot not in halted:
-                self._got_on_ms[slot] = now_ms  # It stands before a place that is closed.
-        is_held = is_near & (rule.granted < now_ms)
-        before, self._held = self._held, {}
-        for slot in np.flatnonzero(is_held).tolist():
-            by = rule.holder_of(slot)
-            if by is not None:
-                _, since = before.get(slot, (by, now_ms))
-                self._held[slot] = by, since
+                got_on_ms[slot] = now_ms  # It stands before a place that is closed.
+        held = np.flatnonzero(is_near & (rule.granted < now_ms)).tolist()
+        self.standstills.hold({slot: rule.holder_of(slot) for slot in held}, now_ms)
 
-    def _name(self, slot: int) -> str:
-        return self._names[slot]
-
-    def held(self) -> list[Held]:
-        """Return the robots that others hold."""
-        name = self._name
-        return [Held(name(k), name(by), since) for k, (by, since) in self._held.items()]
-
-    def behind(self, stopped: Collection[str]) -> list[str]:
-        """Return the robots that are held by these robots, or by others that these hold.
-
-        One that may not set out on the course found for it, before another one has passed, counts.
-        """
-        held = self._kept_from | {one.robot: one.by for one in self.held()}
-        found = own = set(stopped)
-        while more := {robot for robot, by in held.items() if by in found} - found:
-            found = found | more
-        return [name for name in self._robots if name in found - own]
-
-    def stuck(self, now_ms: int) -> list[str]:
-        """Return the robots that have not got on for STUCK_MS although nobody holds them."""
-        late = (now_ms - self._got_on_ms > STUCK_MS) & ~self._done & (self._numbers >= 0)
-        late[[one.next.slot for one in self._courses.values() if one.next is not None]] = False
-        return [self._name(slot) for slot in np.flatnonzero(late).tolist()]
+    def stuck(self, now_ms: int) -> set[str]:
+        """Return the robots that are stuck; one that has a course to begin is not."""
+        could_drive = ~self._done & (self._numbers >= 0)
+        begin = [one.next.slot for one in self._courses.values() if one.next is not None]
+        could_drive[begin] = False
+        return self.standstills.stuck(could_drive, now_ms)
 
     def gets_on(self, robot: str, now_ms: int) -> bool:
-        """Return whether a robot has got on within the last second, or could not."""
-        return now_ms - int(self._got_on_ms[self._courses[robot].now.slot]) <= ROOM_MS
+        """Return whether a robot has got on lately, or could not."""
+        return self.standstills.gets_on(self._courses[robot].now.slot, now_ms)
 
     def late(self, now_ms: int) -> dict[str, float]:
         """Return how late [s] robots are at a plan time [ms], those that are by LATE_MS or more."""
@@ -586,11 +535,6 @@ class Grants:
             if behind_ms >= LATE_MS and mine.now.begin_ms < now_ms:
                 found[name] = behind_ms / 1000.0
         return found
-
-    def excuse(self, lost_ms: int) -> None:
-        """Take in that for so long [ms] robots could not get on, or could not be heard."""
-        self._got_on_ms += lost_ms
-        self.got_on_ms += lost_ms
 
     def lose_sight(self, until_ms: int) -> None:
         """Take in that robots may have been told more, up to a plan time, than is known.

@@ -13,7 +13,7 @@ import msgspec
 from coordinator.fleet.epoch_times import EpochTimes, PlainTimes
 from coordinator.fleet.events import Incident, Outgoing
 from coordinator.fleet.failures import Failing, silent
-from coordinator.fleet.grants import Grants, Held, PlainGrants, Stated
+from coordinator.fleet.grants import Grants, PlainGrants, Stated
 from coordinator.fleet.member import Member
 from coordinator.fleet.orders import OrderBook, PlainBook
 from coordinator.fleet.phases import FAREWELLS, RESUME_PATIENCE, TRANSITIONS, Event
@@ -21,6 +21,7 @@ from coordinator.fleet.rest_places import Standing
 from coordinator.fleet.roster import Roster
 from coordinator.fleet.router_link import RouterLink
 from coordinator.fleet.sent_courses import Span
+from coordinator.fleet.standstills import Held
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import (
@@ -207,7 +208,7 @@ class FleetState:
 
     def held(self) -> list[Held]:
         """Return the robots that others hold while the fleet drives."""
-        return self.grants.held() if self.phase == GO else []
+        return self.grants.standstills.held() if self.phase == GO else []
 
     def _hear_router(self, up: bool, now_ns: int) -> None:
         """Excuse all robots when the router is back: nobody could be heard."""
@@ -228,7 +229,7 @@ class FleetState:
         for member in self.members.values():
             if not member.lost:
                 member.excused_ns = max(member.excused_ns, until_ns)
-        self.grants.excuse(lost_ns // MILLISECOND)
+        self.grants.standstills.excuse(lost_ns // MILLISECOND)
 
     def order_states(self) -> list[Outgoing]:
         """Return what has become of orders since this was called last."""

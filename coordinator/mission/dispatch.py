@@ -103,7 +103,7 @@ class Dispatcher:
         What was looked for is looked for again, here and by whoever goes on from this state.
         """
         self.searches.give_up()
-        mark = (self._fleet.grants.got_on_ms, self.searches.commits)
+        mark = self._progress()
         self._mark = (mark[0], 0) if mark == self._mark else (-1, 0)
         self.searches.begin()
         self._tried.clear()
@@ -175,7 +175,7 @@ class Dispatcher:
     def _renewals(self, now_ns: int, now_ms: int) -> list[CourseRequest]:
         """Look for courses with new times for robots that are late for long and hold others."""
         grants, plan_ms = self._fleet.grants, self._fleet.times.plan_ms(now_ns)
-        held, late, found = grants.held(), grants.late(plan_ms), []
+        held, late, found = grants.standstills.held(), grants.late(plan_ms), []
         holders = {one.by for one in held if plan_ms - one.since_ms >= _HELD_MS}
         for name in sorted(holders - {one.robot for one in held}):
             task = self._fleet.orders.of_robot(name)
@@ -472,9 +472,13 @@ class Dispatcher:
             for one in self._fleet.grants.possible()
         )
 
+    def _progress(self) -> tuple[int, int]:
+        """Return when a robot last got on [ms], and how many courses were committed."""
+        return self._fleet.grants.standstills.got_on_latest_ms, self.searches.commits
+
     def _refuse_if_stuck(self, now_ms: int) -> None:
         """Refuse all orders when nobody gets on and nothing is found for a long time."""
-        book, mark = self._fleet.orders, (self._fleet.grants.got_on_ms, self.searches.commits)
+        book, mark = self._fleet.orders, self._progress()
         under_way = book.under_way()
         dwells = any(one.arrived_ms is not None for one in under_way)
         if mark != self._mark or dwells or book.stays or not (under_way or book.waiting()):

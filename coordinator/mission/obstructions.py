@@ -213,8 +213,8 @@ class Obstructions:
     def held_up(self) -> dict[str, str]:
         """Return the robots that wait for ones that others go around, and who holds each."""
         grants = self._fleet.grants
-        behind = set(grants.behind(self._around)) if self._around else set()
-        return {robot: by for robot, by, _ in grants.held() if robot in behind}
+        behind = grants.standstills.behind(self._around) if self._around else set()
+        return {robot: by for robot, by, _ in grants.standstills.held() if robot in behind}
 
     def passable(self, robot: str, via: Sequence[Point], now_ns: int) -> tuple[Point, ...]:
         """Return the places that a robot can pass: none on which others stand that go no farther.

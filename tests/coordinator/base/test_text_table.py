@@ -10,7 +10,7 @@ from coordinator.base.text_table import plain_table
 from coordinator.findings import plan_table
 from coordinator.findings.wait_summary import WaitSummary, waits_of
 from coordinator.findings.wait_table import waits_table
-from coordinator.fleet.grants import Held
+from coordinator.fleet.standstills import Held
 from coordinator.mission.fleet_from_plan import muster
 from coordinator.plan.document import Reason
 from coordinator.plan.wire import packed

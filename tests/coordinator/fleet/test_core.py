@@ -7,7 +7,6 @@ from typing import get_args
 
 import pytest
 
-from coordinator.fleet.grants import STUCK_MS
 from coordinator.fleet.log_records import LINK_GONE
 from coordinator.fleet.phases import (
     FAREWELLS,
@@ -19,6 +18,7 @@ from coordinator.fleet.phases import (
     Event,
 )
 from coordinator.fleet.sent_courses import Span
+from coordinator.fleet.standstills import STUCK_MS
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Clock, Hello, Report
@@ -148,8 +148,8 @@ def test_a_robot_that_waits_behind_one_that_is_held_is_held_by_the_one_that_stan
         floor.report("R1", MOVING, late=2 * step)
         floor.report("R2", MOVING, late=2 * step)
         floor.tick()
-    assert floor.fleet.grants.behind(["R3"]) == ["R1", "R2"]
-    assert floor.fleet.grants.behind(["R1"]) == []
+    assert floor.fleet.grants.standstills.behind(["R3"]) == {"R1", "R2"}
+    assert floor.fleet.grants.standstills.behind(["R1"]) == set()
 
 
 def test_a_robot_that_does_not_get_on_is_found_though_the_coordinator_is_away_again_and_again():
