@@ -55,6 +55,7 @@ from coordinator.fleet.log_records import (
 )
 from coordinator.fleet.member import WITHOUT
 from coordinator.fleet.phases import AWAY
+from coordinator.log.versions import WRITTEN_BY, protocol_of
 from coordinator.security.denials import denial_of, is_denial_key
 from protocol import codec, keys, phases
 from protocol.messages import (
@@ -162,6 +163,8 @@ class _Telling:
             messages=len(records),
             zero=None if go_ns is None else (go_ns - begin_ns) / 1e9,
             passive=log.metadata.get("passive") == "yes",
+            version=log.metadata.get(WRITTEN_BY),
+            protocol=protocol_of(log.metadata),
         )
         for record in records:
             self._count(record)

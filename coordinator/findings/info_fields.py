@@ -212,7 +212,8 @@ class Summary(msgspec.Struct):
     those of every epoch's plan.  `proof`: that of the last plan.
     `bad_messages`: payloads on the fleet's keys that no receiver accepts.  `dropped`: messages that
     are not in the log, by cause.  `damage`: where the file is not as it was written.  `passive`:
-    whether a program that only listened recorded the log.  `latencies`: command_age and report_age,
+    whether a program that only listened recorded the log.  `version`: of the splinefleet that wrote
+    the log; `protocol`: of its messages.  `latencies`: command_age and report_age,
     from the stamp of the coordinator's session to the recording; command_gap, from one Command to
     the next; the parts of the freezes.  `lost_messages`: gaps in the sequence numbers of Reports
     and Commands.
@@ -230,6 +231,8 @@ class Summary(msgspec.Struct):
     zero: float | None = None
     source: str = "log"
     passive: bool = False
+    version: str | None = None
+    protocol: int | None = None
     bad_messages: int = 0
     dropped: dict[str, int] = {}
     lost_messages: int = 0

@@ -110,6 +110,7 @@ def _headline(told: Summary) -> Table:
         ("policy", told.policy or "-"),
         ("tau", _seconds(told.tau)),
         ("log", f"{told.duration:.2f} s, {state}"),
+        ("written by", _written_by(told)),
         ("times", _zero(told.zero)),
         ("messages", f"{told.messages}, of which {told.bad_messages} are invalid"),
         ("dropped", _dropped(told.dropped)),
@@ -122,6 +123,13 @@ def _headline(told: Summary) -> Table:
     if told.damage:
         table.add_row("damage", Text(told.damage, style="bold red"))
     return table
+
+
+def _written_by(told: Summary) -> str:
+    """Return which version wrote a log; messages of older protocols may count as invalid."""
+    if told.version is None or told.protocol is None:
+        return "not stated"
+    return f"splinefleet {told.version}, protocol {told.protocol}"
 
 
 def _dropped(dropped: dict[str, int]) -> str:

@@ -6,30 +6,13 @@ how the log is written.
 
 from __future__ import annotations
 
-import platform
-from importlib.metadata import version
-from typing import Final
-
+from coordinator.log import versions
 from coordinator.log.log_file import RESUMED
 from coordinator.log.log_writer import Attachment
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import plan_name, to_json
 from coordinator.scenario.model import Scenario
 from coordinator.scenario_files.scenario_reader import scenario_to_json
-from protocol.messages import PROTOCOL_VERSION
-
-WRITTEN_BY: Final = "splinefleet"
-"""The metadata key for the version that wrote the log; also the name of the package."""
-
-_VERSIONED: Final = (
-    WRITTEN_BY,
-    "eclipse-zenoh",
-    "mcap",
-    "msgspec",
-    "numpy",
-    "scipy",
-    "shapely",
-)
 
 Head = tuple[dict[str, str], list[Attachment]]
 """Metadata and attachments."""
@@ -52,9 +35,7 @@ def first_head(
         "effort": str(effort),
         "speed": str(speed),
         "stays": "yes" if stays else "no",
-        "protocol": str(PROTOCOL_VERSION),
-        "python": platform.python_version(),
-        **{name: version(name) for name in _VERSIONED},
+        **versions.ours(),
     }
     return metadata, [scenario_file(scenario), plan_file(document)]
 

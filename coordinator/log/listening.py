@@ -9,22 +9,21 @@ Decides: when such a recording begins and ends.
 
 from __future__ import annotations
 
-import platform
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from coordinator.fleet.log_records import link_record
+from coordinator.log import versions
 from coordinator.log.recorder import Recorder
 from coordinator.log.unheard_plans import UnheardPlans
 from protocol import keys
 from protocol.codec import decode
 from protocol.host_clock import host_clock_ns
-from protocol.messages import PROTOCOL_VERSION, Command
+from protocol.messages import Command
 from protocol.phases import OVER
 from protocol.timing import SECOND
 from protocol.transport import Transport
@@ -41,8 +40,6 @@ _UNHEARD_LOOKS: Final = 10
 
 _MOST_KEPT: Final = 100_000
 """How many messages are buffered before a fleet is known."""
-
-_VERSIONED: Final = ("splinefleet", "eclipse-zenoh", "mcap", "msgspec")
 
 
 class _Heard(NamedTuple):
@@ -165,9 +162,7 @@ class Recording:
             "fleet": fleet,
             "passive": "yes",
             "speed": str(self._speed),
-            "protocol": str(PROTOCOL_VERSION),
-            "python": platform.python_version(),
-            **{name: version(name) for name in _VERSIONED},
+            **versions.ours(),
         }
         offset_ns = time.time_ns() - self._clock()
         self._recorder = Recorder(

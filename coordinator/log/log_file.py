@@ -25,6 +25,7 @@ from coordinator.base.errors import InputError
 from coordinator.log.log_writer import METADATA_NAME, WALL_OFFSET
 from coordinator.log.records import Log, Record
 from coordinator.log.soundness import Sound, is_closed, scan
+from coordinator.log.versions import objection
 from coordinator.scenario.file_kinds import kind_of, wrong_kind
 from protocol import keys
 from protocol.timing import SECOND
@@ -198,6 +199,8 @@ def scan_log(data: bytes, path: str) -> LogScan:
     for _, record in sound:
         if isinstance(record, mcap_records.Metadata) and record.name == METADATA_NAME:
             metadata = record.metadata
+    if reason := objection(metadata):
+        raise InputError([f"{path}: {reason}"])
     if not _has_offset(metadata):
         fleet = metadata.get("fleet") or _fleet_by_keys(sound)
         if not fleet:

@@ -7,6 +7,7 @@ know: which values a plan may have (checks.py, references.py).
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 import msgspec
 
@@ -15,6 +16,8 @@ from coordinator.plan.checks import find_problems
 from coordinator.plan.document import FORMAT, PlanDocument
 from coordinator.plan.references import find_wrong_names
 from coordinator.scenario.file_kinds import kind_of, wrong_kind
+
+_PLAN: Final = FORMAT[: FORMAT.index("/") + 1]
 
 
 def plan_name(epoch: int) -> str:
@@ -42,7 +45,8 @@ def from_json(text: bytes, name: str = "plan") -> PlanDocument:
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise InputError([f"{name}: {error}"]) from None
     if document.format != FORMAT:
-        raise InputError([f"{name}: format is {document.format!r}, must be {FORMAT!r}"])
+        later = "; a later splinefleet wrote it" if document.format.startswith(_PLAN) else ""
+        raise InputError([f"{name}: format is {document.format!r}, must be {FORMAT!r}{later}"])
     problems = find_problems(document) + find_wrong_names(document)
     if problems:
         raise InputError([f"{name}: {problem}" for problem in problems])

@@ -38,9 +38,9 @@ from coordinator.fleet.log_records import (
     search_of,
     told_key,
 )
-from coordinator.log.head import WRITTEN_BY
 from coordinator.log.log_file import RESUMED, log_before
 from coordinator.log.records import Log, Record
+from coordinator.log.versions import WRITTEN_BY
 from coordinator.mission.checkpoint import mission_of
 from coordinator.mission.in_force import in_force_failures
 from coordinator.mission.intake import Arrival
