@@ -6,14 +6,16 @@ courses, messages, clocks; times are in ms since the first GO.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from random import Random
 from typing import Any, Final
 
 import msgspec
+import numpy as np
+import numpy.typing as npt
 from msgspec.structs import replace
+from scipy.spatial.distance import cdist
 
 from coordinator.scenario import plain
 from coordinator.scenario.model import Demand, Order, Point, Pose, Robot
@@ -29,6 +31,12 @@ from protocol.messages import (
 )
 
 JOIN, LEAVE, _ROOM, _WAY = OWN
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+_SAME: Final = 1e-3
+"""Places no farther apart than this [m] are one."""
 
 _REASON: Final = 300
 """Reasons are cut to this many characters, so that a message can state them."""
@@ -438,12 +446,12 @@ class OrderBook:
         self,
         now_ms: int,
         has_arrived: Callable[[str, int], bool],
-        is_free: Callable[[str, Pose], bool],
+        are_free: Callable[[str, Array], Flags],
     ) -> None:
         """Let time pass: orders are done, and others become known.
 
-        `has_arrived`: whether a robot has come to the end of its course of a revision; `is_free`:
-        whether a place is one that no other robot holds or is bound for.
+        `has_arrived`: whether a robot has come to the end of its course of a revision; `are_free`:
+        at which places (n, 2) [m] a robot could rest, where no other one is or is bound for (n,).
         """
         for task in self.under_way():
             if task.arrived_ms is None and has_arrived(task.robot, task.revision):
@@ -457,7 +465,7 @@ class OrderBook:
                 self.give(order, now_ms)
         if self._demand is not None:
             for robot in self._given:
-                self._demand_of(self._demand, robot, now_ms, is_free)
+                self._demand_of(self._demand, robot, now_ms, are_free)
 
     def _is_known(self, order: Order, now_ms: int) -> bool:
         if not order.after:
@@ -466,26 +474,22 @@ class OrderBook:
         return before is not None and before.is_over
 
     def _demand_of(
-        self, demand: Demand, robot: str, now_ms: int, is_free: Callable[[str, Pose], bool]
+        self, demand: Demand, robot: str, now_ms: int, are_free: Callable[[str, Array], Flags]
     ) -> None:
         """Give a robot its next order to one of the places, when its last one is over."""
         count = self._given[robot]
+        if count >= demand.per_robot or (count and not self.tasks[f"{robot}-{count}"].is_over):
+            return
         dice = Random(f"{demand.seed} {robot} {count}")
-        if count >= demand.per_robot or (
-            count == 0 and now_ms < 1000.0 * dice.uniform(0.0, demand.first_within)
-        ):
+        if count == 0 and now_ms < 1000.0 * dice.uniform(0.0, demand.first_within):
             return
-        if count and not self.tasks[f"{robot}-{count}"].is_over:
-            return
-        bound = [one.order.goal for one in self._open.values()]
-        places = [
-            place
-            for place in demand.places
-            if is_free(robot, place) and all(math.dist(place[:2], at[:2]) > 1e-3 for at in bound)
-        ]
-        if places:
+        places = np.array([place[:2] for place in demand.places])
+        is_open = are_free(robot, places)
+        bound = np.array([one.order.goal[:2] for one in self._open.values()]).reshape(-1, 2)
+        is_open &= (cdist(places, bound) > _SAME).all(axis=1)
+        if is_open.any():
             self._given[robot] = count + 1
-            goal = dice.choice(places)
+            goal = demand.places[dice.choice(np.flatnonzero(is_open).tolist())]
             order = Order(id=f"{robot}-{count + 1}", robot=robot, goal=goal, dwell=demand.dwell)
             self.give(order, now_ms)
 

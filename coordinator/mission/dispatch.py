@@ -18,19 +18,20 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
 
 from coordinator.curves.nurbs import Array
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident
 from coordinator.fleet.log_records import CourseRequest
-from coordinator.fleet.orders import Task
+from coordinator.fleet.orders import Flags, Task
 from coordinator.mission.obstructions import Obstructions, PlainObstructions
 from coordinator.mission.searches import Asked, Searches
 from coordinator.plan.wire import address
 from coordinator.planning.course_proposal import Site
 from coordinator.planning.course_search import Answer
 from coordinator.scenario import plain
-from coordinator.scenario.model import Pose, Robot
+from coordinator.scenario.model import Robot
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
 from protocol.phases import GO, MOVING, fault_name
 from protocol.timing import SECOND
@@ -147,7 +148,7 @@ class Dispatcher:
         if not fleet.has_gone:
             return []
         now_ms = fleet.since_go_ms(now_ns)
-        book.look(now_ms, self._has_driven, self._is_free)
+        book.look(now_ms, self._has_driven, self._are_free)
         if fleet.phase != GO or not self.obstructions.has_site or fleet.superseded:
             self._moved_ms = now_ms
             return []
@@ -461,16 +462,15 @@ class Dispatcher:
         far = math.dist(place, task.order.goal[:2])
         return 0.001 * left_ms + far / self.robots[robot].max_speed
 
-    def _is_free(self, robot: str, place: Pose) -> bool:
-        """Return whether a robot could rest at a place where no other one is or is bound for."""
-        site = self.obstructions.site
+    def _are_free(self, robot: str, places: Array) -> Flags:
+        """Tell at which places (n, 2) a robot could rest: no other is or is bound there (n,)."""
+        site, courses = self.obstructions.site, self._fleet.grants.possible()
         if site is None:
-            return False
-        radius = self.robots[robot].radius + site.terms.margin
-        return all(
-            math.dist(one.goal, place[:2]) >= radius + one.driven.radius
-            for one in self._fleet.grants.possible()
-        )
+            return np.zeros(len(places), np.bool_)
+        goals = np.array([one.goal for one in courses]).reshape(-1, 2)
+        room = self.robots[robot].radius + site.terms.margin
+        needs = room + np.array([one.driven.radius for one in courses])
+        return np.asarray((cdist(places, goals) >= needs).all(axis=1))
 
     def _progress(self) -> tuple[int, int]:
         """Return when a robot last got on [ms], and how many courses were committed."""

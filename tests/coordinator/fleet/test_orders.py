@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import msgspec
+import numpy as np
 
 from coordinator.fleet.orders import OrderBook, PlainBook, order_of
 from coordinator.scenario.model import Demand, Order
@@ -13,7 +14,10 @@ ROBOTS = ("R1", "R2")
 
 
 def look(book, now_ms, arrived=(), taken=()):
-    book.look(now_ms, lambda robot, _: robot in arrived, lambda _, place: place not in taken)
+    def are_free(_, places):
+        return np.array([tuple(place) not in taken for place in places.tolist()])
+
+    book.look(now_ms, lambda robot, _: robot in arrived, are_free)
 
 
 def begin(book, order_id, robot, now_ms):
