@@ -1,8 +1,8 @@
 """Which robot gets its next course when, and what that does to the fleet.
 
 A course for an order is looked for (searches.py), and put into effect if it is found (`commit`).
-It counts only if no authority told since breaks it, and no course committed since comes near it;
-otherwise it is looked for again.
+It counts only if no authority told since breaks it, and it is proven among the courses committed
+since, too; otherwise it is looked for again.
 
 Decides: which robot does which order, when a robot makes room, when an order is refused.  Must not
 know: how courses are found, links, files.
@@ -28,7 +28,7 @@ from coordinator.fleet.orders import Flags, Task
 from coordinator.mission.obstructions import Obstructions, PlainObstructions
 from coordinator.mission.searches import Asked, Searches
 from coordinator.plan.wire import address
-from coordinator.planning.course_proposal import Site
+from coordinator.planning.course_proposal import Site, among_further
 from coordinator.planning.course_search import Answer
 from coordinator.scenario import plain
 from coordinator.scenario.model import Robot
@@ -271,7 +271,9 @@ class Dispatcher:
         if proposal is None:
             self._not_found(task, asked, answer, idle, now_ns)
             return None
-        if self.searches.has_come_near(asked, proposal.course):
+        since = self.searches.committed_since(asked)
+        proposal = among_further(proposal, since, asked.site.terms)
+        if proposal is None:
             return None
         if not self.obstructions.take_course(request.robot, request.revision, asked.closed):
             return None

@@ -34,7 +34,6 @@ from coordinator.planning.course_search import (
     stand,
 )
 from coordinator.planning.leading_off import UnderWay
-from coordinator.proof.course_proof import that_may_meet
 from coordinator.scenario.model import Point, Pose, Robot
 from coordinator.scenario.order_checks import OWN
 
@@ -49,9 +48,6 @@ _HELD_MS: Final = 500
 
 _GRID_MS: Final = 10
 """Courses part at multiples of this [ms]; shared_course.py compares them there."""
-
-_STANDOFF: Final = 0.01
-"""How much more than the margin [m] courses found side by side have to be apart."""
 
 _SETTLES: Final = 0.3
 """A robot that has braked settles in this time [s]."""
@@ -144,10 +140,9 @@ class Searches:
             self._fleet.grants.release(request.number)
         return asked
 
-    def has_come_near(self, asked: Asked, course: Course) -> bool:
-        """Return whether a course committed since a search was asked for comes near its result."""
-        since = [one for commits, one in self._committed if commits >= asked.commits]
-        return bool(that_may_meet(course, since, asked.site.terms.margin + _STANDOFF))
+    def committed_since(self, asked: Asked) -> list[Course]:
+        """Return the courses that were committed since a search was asked for."""
+        return [one for commits, one in self._committed if commits >= asked.commits]
 
     def note_commit(self, course: Course) -> None:
         """Take in that a course counts from now on."""

@@ -52,6 +52,16 @@ class CourseStaircases:
         self._all = old.and_those(new).sorted(found.tau_ms or mine.tau_ms)
 
 
+def joined(one: Staircases, other: Staircases, further: int) -> Staircases:
+    """Return the staircases of a course, index 0, with the courses of both.
+
+    Those of `other` have indices greater by `further`.
+    """
+    ahead, behind = (np.where(k > 0, k + further, 0) for k in (other.ahead, other.behind))
+    rows = _Rows.of(one, one.ahead, one.behind).and_those(_Rows.of(other, ahead, behind))
+    return rows.sorted(other.tau_ms or one.tau_ms)
+
+
 class _Rows(NamedTuple):
     """Staircases one by one: ahead, behind, number of knots (n,), and all knots (k,) [ms]."""
 

@@ -28,6 +28,7 @@ from coordinator.ground.grown_floor import GrownFloor
 from coordinator.motion.velocity_profile import Motion, SpeedLimits, limits_on
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.plan.course import Boxes, Course
+from coordinator.plan.course_staircases import joined
 from coordinator.plan.document import Limits, PlanDocument
 from coordinator.plan.drafting import rounded
 from coordinator.plan.shares_of_tau import BRAKING_SHARE
@@ -35,7 +36,7 @@ from coordinator.plan.staircases import Staircases
 from coordinator.plan.wire import Driven, pack, unpack
 from coordinator.planning.leading_off import UnderWay
 from coordinator.planning.planner import NEED_PAD, TAU_PAD
-from coordinator.proof.course_proof import course_failures, that_may_meet
+from coordinator.proof.course_proof import course_failures, pair_failures, that_may_meet
 from coordinator.scenario.floor import Floor
 from coordinator.scenario.model import Point, Pose, Robot, Scenario
 from coordinator.schedule.forbidden_interval_kernels import BOTH
@@ -213,6 +214,20 @@ def proposal_of(message: bytes, site: Site, wish: Wish, others: Sequence[Course]
     course = Course(driven, 0.001 * driven.plan.begin_ms)
     near = that_may_meet(course, others, site.terms.margin + STANDOFF)
     return Proposal(course, message, near, staircases_among(course, near, site.terms))
+
+
+def among_further(
+    proposal: Proposal, further: Sequence[Course], terms: PlanDocument
+) -> Proposal | None:
+    """Return a proven proposal among further courses, proven; None if it comes too near to one."""
+    near = that_may_meet(proposal.course, further, terms.margin + STANDOFF)
+    if not near:
+        return proposal
+    found = staircases_among(proposal.course, near, terms)
+    if pair_failures([proposal.course, *near], found, terms.margin):
+        return None
+    both = joined(proposal.staircases, found, len(proposal.near))
+    return replace(proposal, near=[*proposal.near, *near], staircases=both)
 
 
 def _earliest(search: _Search) -> _Try:

@@ -38,18 +38,26 @@ def course_failures(
     distance [m] from a polyline to the nearest solid thing.  `before`: the course that the robot
     drives; one that does not begin at rest has to run along it for a while.
     """
-    driven = [one.driven for one in courses]
-    part = Part([(one.since, one.until) for one in courses], [k == 0 for k in range(len(courses))])
-    mine = driven[0]
+    mine = courses[0].driven
     leads_on = before is not None and shared_until(before, mine) > 0.001 * mine.plan.begin_ms
     failures = limit_failures(mine, limits, from_rest=not leads_on)
     (clearance,) = clearances([mine], gap)
     if clearance < margin - TOLERANCE:
         failures.append(f"{mine.id} comes within {clearance:.4f} m of something solid")
-    if len(courses) > 1:
-        failures += prove_separation(driven, staircases.tau_ms / 1000.0, margin, part).failures
-        failures += staircase_failures(driven, staircases, margin, part)
-    return failures
+    return failures + pair_failures(courses, staircases, margin)
+
+
+def pair_failures(courses: Sequence[Course], staircases: Staircases, margin: float) -> list[str]:
+    """Return where the first of these courses comes too near to others, or is not held in time.
+
+    The same as in `course_failures`, which says what else is wrong with it.
+    """
+    if len(courses) < 2:
+        return []
+    driven = [one.driven for one in courses]
+    part = Part([(one.since, one.until) for one in courses], [k == 0 for k in range(len(courses))])
+    failures = list(prove_separation(driven, staircases.tau_ms / 1000.0, margin, part).failures)
+    return failures + staircase_failures(driven, staircases, margin, part)
 
 
 def that_may_meet(course: Course, others: Sequence[Course], margin: float) -> list[Course]:

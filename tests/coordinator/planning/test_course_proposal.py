@@ -10,7 +10,14 @@ from msgspec.structs import replace
 from coordinator.base.errors import PlanError
 from coordinator.plan.course import Course
 from coordinator.plan.document import Limits
-from coordinator.planning.course_proposal import Proposal, Site, Wish, propose
+from coordinator.planning.course_proposal import (
+    Proposal,
+    Site,
+    Wish,
+    among_further,
+    proposal_of,
+    propose,
+)
 from coordinator.planning.planner import plan_fleet
 from coordinator.proof.course_proof import course_failures
 from coordinator.schedule.staircase_making import staircases_of
@@ -29,16 +36,20 @@ def a_site(scenario):
 
 def sent_on(site, courses, robots, name, goal, revision=1):
     """Let a robot that has arrived go to another goal; the others keep their courses."""
+    wish = a_wish(courses, robots, name, goal, revision)
+    return propose(site, wish, [one for other, one in courses.items() if other != name])
+
+
+def a_wish(courses, robots, name, goal, revision=1):
     line, curve = courses[name].driven.timeline, courses[name].driven.curve
     _, ahead = curve.derivatives([curve.knots[-1]], 1)
-    wish = Wish(
+    return Wish(
         replace(robots[name], start=courses[name].goal, goal=goal, via=()),
         math.atan2(ahead[0, 1], ahead[0, 0]),
         list(courses).index(name),
         revision,
         math.ceil(1000.0 * line.finish) + 300,
     )
-    return propose(site, wish, [one for other, one in courses.items() if other != name])
 
 
 def places(course, times):
@@ -72,6 +83,46 @@ def test_robots_that_have_arrived_are_sent_on_and_on_while_the_others_drive(seed
         assert found.course.driven.plan.begin_ms == round(1000.0 * found.course.since)
         assert found.course.driven.plan.revision == 1
         courses[name] = found.course
+
+
+def stairs_by_course(proposal):
+    """Return the knots of each staircase by the courses that it is between."""
+    courses, found = [proposal.course, *proposal.near], proposal.staircases
+    pairs = zip(found.ahead.tolist(), found.behind.tolist(), strict=True)
+    return {
+        (courses[ahead].driven.id, courses[behind].driven.id): found.knots_of(k).tolist()
+        for k, (ahead, behind) in enumerate(pairs)
+    }
+
+
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_a_course_counts_further_courses_as_if_it_had_been_looked_for_among_all(seed):
+    scenario = generate("open", 8, seed)
+    site, courses, robots = a_site(scenario)
+    verdicts = set()
+    for name in robots:
+        others = [one for other, one in courses.items() if other != name]
+        goal = robots[name].start[:2]
+        for known in (others[:2], others[:5], others):
+            further = [one for one in others if one not in known]
+            wish = a_wish(courses, robots, name, goal)
+            found = propose(site, wish, known)
+            whole = among_further(found, further, site.terms)
+            judged = proposal_of(found.message, site, wish, others)
+            failures = course_failures(
+                [judged.course, *judged.near],
+                judged.staircases,
+                site.terms.margin,
+                Limits.of(robots[name]),
+                site.gap,
+            )
+            verdicts.add(whole is None)
+            assert (whole is None) == bool(failures)
+            if whole is not None:
+                assert whole.message == found.message
+                assert stairs_by_course(whole) == stairs_by_course(judged)
+                assert_keeps_apart(whole, others, site.terms.tau, site.terms.margin)
+    assert verdicts == {False, True}
 
 
 @pytest.mark.parametrize("goal", [(2.0, 4.0), (2.65, 4.35), (2.78, 4.42), (3.69, 4.91)])
