@@ -29,6 +29,7 @@ from benchmarks.flow import circles, flow
 from benchmarks.fuzz.running import fuzz_all
 from benchmarks.fuzz.table import MODULES
 from benchmarks.intersections import intersections
+from benchmarks.live_orders import live_orders
 from benchmarks.locks import arming
 from benchmarks.making_room import making_room
 from benchmarks.movingai import movingai
@@ -71,6 +72,7 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
         "a day's work: four orders a robot": orders,
         "COBRA's experiment on floors of the same kind": cobra,
     },
+    "live_orders": {"orders given to live processes": live_orders},
     "beyond": {"beyond every budget": beyond},
     "replays": {"logs of faulty runs, replayed": replays},
     "agent": {"one tick of the robot's core": agent},
