@@ -26,6 +26,11 @@ _LOSSES: Final = (0.006, 0.012, 0.025, 0.05, 0.1, 0.15, 0.2, 0.25)
 """Shares of the fastest time that may be lost in order to have fewer knots.  The first share that
 makes the knots fit into a message is used, or the last one."""
 
+FASTEST_TURN: Final = 20.0
+"""No robot turns faster than this [rad/s], whatever its limits are.
+
+A control loop of 100 Hz that turns farther than 0.2 rad in one tick cannot keep to its path."""
+
 _RAMP: Final = 0.01
 """Length [m] of the speed change at a bend for robots without a limit on acceleration."""
 
@@ -88,10 +93,10 @@ def limits_on(
     """Return the limits on a curve for a speed [m/s], accelerations [m/s^2], turn rate [rad/s].
 
     A motion along the whole curve takes at most 1 % longer than the fastest one, or longer if a
-    message has no room for that many knots.
+    message has no room for that many knots.  No robot turns faster than FASTEST_TURN.
     """
     free = SpeedLimits(curve.length, speed * speed, accel, ())
-    s, w = cap_on(curve, lateral, turning, free.top)
+    s, w = cap_on(curve, lateral, min(turning, FASTEST_TURN), free.top)
     if w.min() >= free.top:
         return free
     s, w = _few(curve, *reachable(s, _rounded_down(free, w), 2.0 * free.ramp, math.isfinite(accel)))

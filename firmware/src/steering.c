@@ -7,7 +7,7 @@
 #define TICKS_TO_SETTLE R(5)
 #define LOOK_AHEAD_TICKS R(1.5)
 #define LEAST_LOOK_AHEAD R(0.002)
-#define SHARPEST R(50)
+#define SHARPEST R(250)
 #define LONGEST_STEP R(0.05)
 #define CLOSE_ENOUGH R(2e-4)
 #define STILL R(1e-9)

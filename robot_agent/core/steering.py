@@ -21,7 +21,9 @@ LED_OFF = 0.37 * SETTLING_LENGTH
 _TICKS_TO_SETTLE = 5.0
 _LOOK_AHEAD_TICKS = 1.5
 _LEAST_LOOK_AHEAD = 0.002
-_SHARPEST = 50.0
+_SHARPEST = 250.0
+"""No bend is steered sharper [rad/m]; where a path turns back at a place to pass, it may be so."""
+
 _LONGEST_STEP = 0.05
 _CLOSE_ENOUGH = 2e-4
 _STILL = 1e-9

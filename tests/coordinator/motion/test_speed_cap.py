@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from coordinator.curves.interpolation_kernels import times_at
 from coordinator.curves.nurbs import nurbs
 from coordinator.motion.profile_simplification_kernels import merged, reachable
-from coordinator.motion.velocity_profile import Motion, Wait, limits_on, speed_knots
+from coordinator.motion.velocity_profile import FASTEST_TURN, Motion, Wait, limits_on, speed_knots
 from tests.sweeps import seeds
 
 LIMITS = ((0.475, 0.5, 0.5), (1.9, 2.0, 1.0), (0.5, math.inf, 0.5), (2.0, 1.0, 0.2))
@@ -78,6 +78,7 @@ def exact_time(s, bend, speed, accel, lateral, turning=math.inf):
 
 def check(curve, speed, accel, lateral, turning=math.inf, loss=0.01):
     """Hold a motion against the limits and the exact time; return its number of knots."""
+    turning = min(turning, FASTEST_TURN)
     s, bend = samples(curve)
     knots_s, knots_w = np.array(
         speed_knots(limits_on(curve, speed, accel, lateral, turning), 0.0, curve.length)

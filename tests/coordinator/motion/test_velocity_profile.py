@@ -114,7 +114,7 @@ def test_a_bend_is_taken_at_the_lateral_limit():
 
 def test_gentle_bends_and_robots_without_a_lateral_limit_slow_nobody():
     assert limits_on(a_bend(), 0.9, 1.0, 0.5).bends == ()
-    assert limits_on(a_bend(), 50.0, 1.0, math.inf).bends == ()
+    assert limits_on(a_bend(), 30.0, 1.0, math.inf).bends == ()
 
 
 @pytest.mark.parametrize("seed", seeds(12))

@@ -7,10 +7,40 @@ import math
 
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
 
 from protocol.curve import Curve
 from robot_agent.core.steering import PathFollower
-from tests.robot_agent.core.rides import dense_line, winding_path
+from tests.robot_agent.core.rides import dense_line, uniform_knots, winding_path
+
+
+@pytest.mark.parametrize("apart", [0.02, 0.03, 0.05])
+def test_a_robot_that_turns_no_faster_than_20_rad_a_second_keeps_to_a_path_that_turns_back(apart):
+    """Its bend has a radius from 4 mm on; in a tick of 10 ms it turns by 0.2 rad at most."""
+    out = [(0.1 * k, 0.0) for k in range(4)] + [(0.3 + 2.0 * apart, 0.0)]
+    points = np.array([*out, *((x, apart) for x, _ in reversed(out))])
+    knots = uniform_knots(len(points))
+    spline = BSpline(knots, points, 3)
+    u = np.linspace(0.0, knots[-1], 20_001)
+    first, second = spline(u, 1), spline(u, 2)
+    crossed = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    bends = np.abs(crossed) / np.hypot(*first.T) ** 3
+    arc = np.append(0.0, np.cumsum(np.hypot(*np.diff(spline(u), axis=0).T)))
+    follower = PathFollower(Curve(3, knots, *points.T.tolist(), [1.0] * len(points)))
+    x, y, heading, farthest = 0.0, 0.0, 0.0, 0.0
+    for _ in range(1_000):
+        bend = float(np.interp(follower.s, arc, bends))
+        travel = 0.01 * min(0.4, 20.0 / max(bend, 1e-9))
+        follower.locate(x, y, heading)
+        farthest = max(farthest, follower.off)
+        turn = follower.curvature(travel) * travel
+        x += travel * math.cos(heading + 0.5 * turn)
+        y += travel * math.sin(heading + 0.5 * turn)
+        heading += turn
+        if follower.s > arc[-1] - 0.01:
+            break
+    assert follower.s > arc[-1] - 0.01
+    assert farthest < 0.007
 
 
 @pytest.mark.parametrize("turns", ["fffllfff", "fffrrfff"])

@@ -85,10 +85,11 @@ def test_in_a_crowd_everybody_arrives_beside_a_dead_robot(dead, time):
     assert outcome.violations == ()
 
 
-@pytest.mark.parametrize("seed", [43240, 40156, 43208, 43379, 44004])
+@pytest.mark.parametrize("seed", [43240, 40156, 43208, 43379, 44004, 54356])
 def test_robots_that_fail_again_after_they_were_sent_on_leave_everybody_a_way(seed):
     """One is lost before it begins its next course, one stops beside the path of a lost one, one is
-    cut off while it is sent a course, one slides off its goal, one stalls before its next course.
+    cut off while it is sent a course, one slides off its goal, one stalls before its next course,
+    one has to turn back at a place to pass.
     """
     outcome = run_seed(floor(floor_of(seed)), seed)
     assert (outcome.violations, outcome.over) == ((), True)
