@@ -133,6 +133,9 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
         )
         tab.run(f"{about_r2}.querySelector('button:last-child').click()")
         tab.wait("document.querySelector('#alarms .seen') !== null")
+        stack.enter_context(started("agent", "R2", "--connect", endpoint))
+        tab.wait(f"{ALARMS}.includes('R2 is back and has no course')", 60.0)
+        tab.wait("/R2no course/.test(document.getElementById('robots').textContent)")
         assert tab.errors == []
         tab.run("window.confirm = () => true")
         tab.run(f"{about_r2}.querySelector('.about').click()")

@@ -137,7 +137,8 @@ function show(index) {
 function draw() {
   const found = play.scene.robots.map(({ id }, index) => {
     const robot = play.robot(index, now), isUnheard = following && desk.isUnheard(id);
-    if (following && robot?.state === "unheard" && desk.isBack(id)) return { ...robot, state: "no course" };
+    const rests = ["unheard", "arrived"].includes(robot?.state);
+    if (following && rests && desk.isBack(id)) return { ...robot, state: "no course" };
     return robot && isUnheard ? { ...robot, v: 0, state: "unheard" } : robot;
   });
   floor.draw(now, found, focus, hover, look, desk.troubled());
