@@ -380,6 +380,11 @@ class Grants:
         self._numbers[slot], self._done[slot] = number, False
         return True
 
+    def keep_from(self, robot: str, by: str) -> None:
+        """Take in that no course is found for a robot before another one has passed."""
+        if by in self._courses:
+            self.standstills.keep_from(robot, self._courses[by].now.slot)
+
     def _run_along(self, now: Sent, coming: Sent) -> None:
         """Grant on a course that has not begun as far as it is the one in force."""
         if coming.shared_ms > coming.begin_ms:

@@ -50,7 +50,7 @@ class Standstills:
         """By slot: the slot of who holds its robot, and since when [ms]."""
 
         self._kept_from: dict[str, str] = {}
-        """By robot: who has to pass before it may begin the course last found for it."""
+        """By robot: who has to pass before it may begin the course last found, or one is found."""
 
     def grow(self) -> None:
         """Make room for the slots whose names have been added."""
@@ -108,9 +108,9 @@ class Standstills:
 
         One that may not set out on the course found for it, before another one has passed, counts.
         """
-        held = self._kept_from | {one.robot: one.by for one in self.held()}
+        held = [*self._kept_from.items(), *((one.robot, one.by) for one in self.held())]
         found = own = set(stopped)
-        while more := {robot for robot, by in held.items() if by in found} - found:
+        while more := {robot for robot, by in held if by in found} - found:
             found = found | more
         return found - own
 

@@ -333,7 +333,7 @@ class Dispatcher:
         """
         fleet, robot = self._fleet, asked.wish.robot.id
         book, now_ms = fleet.orders, fleet.since_go_ms(now_ns)
-        if asked.yields and not asked.stays and answer.proposal is None:
+        if asked.yields and answer.proposal is None:
             fleet.go_around(fleet.members[robot], now_ns)
         if task.joins is not None:
             rest = "rest" if len(answer.blockers) > 1 else "rests"
@@ -364,6 +364,8 @@ class Dispatcher:
             return
         waiting = {one.robot for one in book.waiting() if one.makes_room}
         for name in answer.blockers:
+            if fleet.members[name].lost:
+                fleet.grants.keep_from(robot, name)
             own = [one for one in book.waiting() if one.robot == name]
             is_idle = name in idle and name not in waiting and self._no_room.get(name) != state
             if is_idle and answer.way is not None and all(o.order.id in self._tried for o in own):

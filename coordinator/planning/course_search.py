@@ -36,8 +36,8 @@ class Answer:
     """What a search found: a proven course, or why there is none.
 
     `alone` [s]: how long the robot would take with nobody else on the floor; inf if it has no way
-    even then.  `blockers`: robots that rest in the way, whose place or way it is.  `way` (n, 2)
-    [m]: the robot's path alone.
+    even then.  `blockers`: robots that rest in the way, whose place or way it is, and late ones
+    that have yet to cross it.  `way` (n, 2) [m]: the robot's path alone.
     """
 
     proposal: Proposal | None
@@ -69,7 +69,8 @@ def search(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
     except PlanError as error:
         if moving is not None:
             return Answer(moving, time, way=way)
-        blockers = tuple(one.driven.id for one in resting_on(site, wish, way, others))
+        in_way = [*resting_on(site, wish, way, others), *late_across(site, wish, way, others)]
+        blockers = tuple(dict.fromkeys(one.driven.id for one in in_way))
         return Answer(None, time, error.sentence, blockers, way)
 
 
@@ -117,6 +118,16 @@ def resting_on(site: Site, wish: Wish, way: Array, others: Sequence[Course]) -> 
         if _distance(np.array(one.goal), way) < need:
             found.append(one)
     return found
+
+
+def late_across(site: Site, wish: Wish, way: Array, others: Sequence[Course]) -> list[Course]:
+    """Return the courses of late robots that come near a way (n, 2) [m]."""
+    late = [one for one in others if one.driven.id in wish.late and not one.has_ended]
+    line, room = shapely.linestrings(way), wish.robot.radius + site.terms.margin
+    paths = [shapely.linestrings(one.driven.chain.points) for one in late]
+    needs = [room + one.driven.radius for one in late]
+    are_near = shapely.dwithin(line, paths, needs)
+    return [late[k] for k in np.flatnonzero(are_near).tolist()]
 
 
 def make_room(

@@ -85,6 +85,22 @@ def test_in_a_crowd_everybody_arrives_beside_a_dead_robot(dead, time):
     assert outcome.violations == ()
 
 
+@pytest.mark.parametrize(
+    ("seed", "faults"),
+    [
+        (33, [Fault("hang", "R5", 2.0), Fault("hang", "R10", 12.0)]),
+        (37, [Fault("kill", "R16", 4.7), Fault("coordinator-restart", "", 10.0, 5.0)]),
+    ],
+)
+def test_robots_that_a_lost_or_closed_in_one_would_have_to_pass_first_are_sent_around_it(
+    seed, faults
+):
+    """R10 waits for R4 and falls silent, and R4 finds no way before R10 has passed; R3 cannot go
+    on, and the new coordinator does not know how far it may have driven."""
+    outcome = run_seed(generate("open", 17, 3), seed, Wish(), faults)
+    assert (outcome.violations, outcome.over) == ((), True)
+
+
 @pytest.mark.parametrize("seed", [43240, 40156, 43208, 43379, 44004, 54356])
 def test_robots_that_fail_again_after_they_were_sent_on_leave_everybody_a_way(seed):
     """One is lost before it begins its next course, one stops beside the path of a lost one, one is
