@@ -113,11 +113,11 @@ static bool is_silent(const sf_leader *leader, int64_t now_ns, int64_t patience_
 /* Whether a Command is to be obeyed: the highest (term, boot) leads. */
 static bool counts(const sf_agent *agent, const sf_command *command) {
     const sf_leader *leader = &agent->leader;
-    uint32_t term = leader->term, boot = leader->boot;
+    uint64_t rank = (uint64_t)command->term << 32 | command->boot;
+    uint64_t leading = (uint64_t)leader->term << 32 | leader->boot;
     if (!before_motion(agent) && command->run != leader->run) return false;
-    if (!leader->heard) return true;
-    if (command->term == term && command->boot == boot) return command->sequence > leader->sequence;
-    if (command->term == term ? command->boot > boot : command->term > term) return true;
+    if (!leader->heard || rank > leading) return true;
+    if (rank == leading) return command->sequence > leader->sequence;
     return before_motion(agent) && is_silent(leader, agent->clock.now_ns, COORDINATOR_TIMEOUT);
 }
 
@@ -153,8 +153,8 @@ bool sf_hear_command(sf_agent *agent, const sf_command *command) {
     } else if (epoch == agent->epoch && agent->ride) {
         agent->ride->halted = phase == STOP;
         if (phase == GO) {
-            sf_grant(agent->ride, command->authority_ms[0]);
-            if (agent->coming) sf_grant(agent->coming, command->authority_ms[1]);
+            sf_grant(agent->ride, command->granted[0].authority_ms);
+            if (agent->coming) sf_grant(agent->coming, command->granted[1].authority_ms);
             agent->start_ns = command->start_ns;
             if (command->said_ns >= command->start_ns || knows_time(agent, agent->ride))
                 apply(agent, TOLD_TO_GO);
@@ -255,23 +255,20 @@ static int64_t plan_time_ms(const sf_agent *agent, const sf_course *ride) {
 }
 
 static void try_to_arm(sf_agent *agent, sf_course *ride) {
-    agent->fault = sf_fault_at_start(ride, &agent->pose, &agent->drive_turn);
-    if (agent->fault || agent->drive_turn != R(0)) return;
-    agent->unsure += agent->passed;
-    if (sf_clock_within(&agent->clock, ride->clock_ms - CLOCK_RESERVE_MS)) {
-        agent->unsure = R(0);
-        apply(agent, READY);
-    } else if (agent->unsure > CLOCK_PATIENCE) {
-        apply(agent, READY);
-    } else {
-        agent->fault = SF_CLOCK_UNSURE;
-    }
+    agent->fault = sf_fault_at_start(ride, &agent->pose);
+    agent->drive_turn = ride->turn;
+    if (agent->fault || ride->turns) return;
+    bool sure = sf_clock_within(&agent->clock, ride->clock_ms - CLOCK_RESERVE_MS);
+    agent->unsure = sure ? R(0) : agent->unsure + agent->passed;
+    if (sure || agent->unsure > CLOCK_PATIENCE) apply(agent, READY);
+    else agent->fault = SF_CLOCK_UNSURE;
 }
 
 static void drive(sf_agent *agent, sf_course *ride) {
     sf_locate(ride, &agent->pose);
     if (agent->phase == SF_MOVING) {
-        if (ride->may_turn) agent->drive_turn = sf_turn_before_start(ride, &agent->pose);
+        sf_turn_before_start(ride, &agent->pose);
+        agent->drive_turn = ride->turn;
         sf_real now = plan_time(agent, ride, agent->passed);
         uint8_t fault = sf_trouble(ride);
         if (fault != SF_NO_FAULT) fail(agent, fault);
@@ -348,16 +345,21 @@ void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real head
     sf_read_plan(agent, SF_WORK); /* Last, so that no tick takes a course and changes to it. */
 }
 
+/* Whether it is a period since something was sent. */
+SHARED static bool is_due(const sf_agent *agent, int64_t sent_ns) {
+    return sf_difference(agent->clock.now_ns, sent_ns) >= SEND_PERIOD;
+}
+
 bool sf_report_due(sf_agent *agent) {
-    bool same = agent->reported_epoch == agent->epoch && agent->reported_phase == agent->phase &&
-                agent->reported_fault == agent->fault &&
-                agent->reported_revision == agent->revision && agent->reported_holds == agent->holds;
-    if (sf_difference(agent->clock.now_ns, agent->reported_ns) < REPORT_PERIOD && same) return false;
-    agent->reported_epoch = agent->epoch;
-    agent->reported_phase = agent->phase;
-    agent->reported_fault = agent->fault;
-    agent->reported_revision = agent->revision;
-    agent->reported_holds = agent->holds;
+    const uint32_t now[SF_REPORTED] = {
+        agent->epoch, agent->revision, agent->holds, agent->phase, agent->fault,
+    };
+    bool same = true;
+    for (int i = 0; i < SF_REPORTED; i++) {
+        if (agent->reported[i] != now[i]) same = false;
+        agent->reported[i] = now[i];
+    }
+    if (same && !is_due(agent, agent->reported_ns)) return false;
     agent->reported_ns = agent->clock.now_ns;
     agent->report_sequence++;
     agent->report_rest = agent->rest.tell && agent->rest.epoch > 0;
@@ -374,7 +376,7 @@ bool sf_report_due(sf_agent *agent) {
 }
 
 bool sf_hello_due(sf_agent *agent) {
-    if (agent->ride || sf_difference(agent->clock.now_ns, agent->hello_ns) < HELLO_PERIOD) return false;
+    if (agent->ride || !is_due(agent, agent->hello_ns)) return false;
     agent->hello_ns = agent->clock.now_ns;
     agent->hellos++;
     return true;
@@ -392,13 +394,8 @@ bool sf_may_leave(const sf_agent *agent, int64_t now_ns) {
 }
 
 bool sf_start_pose(sf_agent *agent, sf_real *x, sf_real *y, sf_real *heading) {
-    if (!agent->ride) return false;
-    sf_pose pose;
-    sf_start_of(agent->ride, &pose);
-    *x = pose.x;
-    *y = pose.y;
-    *heading = pose.heading;
-    return true;
+    if (agent->ride) sf_start_of(agent->ride, x, y, heading);
+    return agent->ride;
 }
 
 sf_real sf_place_on_path(const sf_agent *agent) { return agent->ride ? agent->ride->follower.s : R(0); }

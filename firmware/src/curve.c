@@ -49,50 +49,38 @@ static sf_piece *piece_at(sf_curve *curve, sf_real u) {
         curve->piece ^= 1;
     }
     curve->piece ^= 1;
-    piece = &curve->pieces[curve->piece];
     unsigned span = curve->span, last = curve->count - 1u;
     while (span < last && u >= curve->knots[span + 1]) span++;
     while (span > curve->degree && u < curve->knots[span]) span--;
     curve->span = (uint16_t)span;
-    expand(curve, curve->hx, piece->x);
-    expand(curve, curve->hy, piece->y);
-    if (!curve->plain) expand(curve, curve->hw, piece->w);
+    for (int axis = 0; axis < curve->axes; axis++)
+        expand(curve, curve->points[axis], piece->powers[axis]);
     piece->begin = curve->knots[span];
     piece->end = span < last ? curve->knots[span + 1] : SF_INF;
     return piece;
 }
 
-/* The value of a polynomial at t, and its derivative, by Horner's rule. */
-SHARED static sf_real value_at(const sf_real *powers, int degree, sf_real t, sf_real *slope) {
-    sf_real value = powers[degree], rate = R(0);
-    if (degree == 3) { /* As nearly always: the same, without a loop. */
-        rate = value * t;
-        sf_real square = rate + powers[2];
-        value = square * t + powers[1];
-        *slope = (rate + square) * t + value;
-        return value * t + powers[0];
-    }
-    while (degree-- > 0) {
-        rate = rate * t + value;
-        value = value * t + powers[degree];
-    }
-    *slope = rate;
-    return value;
-}
-
+/* The curve and its derivative at u, by Horner's rule. */
 SHARED static void evaluate(sf_curve *curve, sf_real u) {
     int degree = curve->degree;
     u = sf_clamp(u, R(0), curve->knots[curve->count + degree]);
     const sf_piece *piece = piece_at(curve, u);
-    sf_real t = u - piece->begin;
-    curve->x = value_at(piece->x, degree, t, &curve->dx);
-    curve->y = value_at(piece->y, degree, t, &curve->dy);
-    if (curve->plain) return;
-    sf_real dw, w = value_at(piece->w, degree, t, &dw);
-    curve->x /= w;
-    curve->y /= w;
-    curve->dx = (curve->dx - dw * curve->x) / w;
-    curve->dy = (curve->dy - dw * curve->y) / w;
+    sf_real t = u - piece->begin, *at = curve->at, *slope = curve->slope;
+    for (int axis = 0; axis < curve->axes; axis++) {
+        const sf_real *power = &piece->powers[axis][degree];
+        sf_real value = *power, rate = value;
+        for (int i = 1; i < degree; i++) {
+            value = value * t + *--power;
+            rate = rate * t + value;
+        }
+        at[axis] = value * t + *--power;
+        slope[axis] = rate;
+    }
+    if (curve->axes < SF_AXES) return;
+    for (int axis = 0; axis < SF_WEIGHT; axis++) {
+        at[axis] /= at[SF_WEIGHT];
+        slope[axis] = (slope[axis] - slope[SF_WEIGHT] * at[axis]) / at[SF_WEIGHT];
+    }
 }
 
 SHARED sf_real sf_on_curve(const sf_curve *curve, sf_real s) {
@@ -122,7 +110,7 @@ void sf_curve_place(sf_curve *curve, sf_real s) {
 
 SHARED static sf_real speed(sf_curve *curve, sf_real u) {
     evaluate(curve, u);
-    return SF_SQRT(curve->dx * curve->dx + curve->dy * curve->dy);
+    return sf_length(curve->slope[SF_X], curve->slope[SF_Y]);
 }
 
 /* The cell that ends the table: its parameter, arc length, and slope. */
@@ -134,17 +122,17 @@ SHARED static void end_table(sf_curve *curve, sf_real u, sf_real s) {
 }
 
 bool sf_curve_begin(sf_plan *plan, sf_curve *curve) {
-    const sf_real *knots = curve->knots;
+    const sf_real *knots = curve->knots, *weights = curve->points[SF_WEIGHT];
     unsigned degree = curve->degree, count = curve->count, last = count + degree, spans = 0;
     if (count <= degree || knots[0] != R(0) || !(knots[last] > R(0))) return false;
-    curve->plain = degree == 3;
+    curve->axes = degree == 3 ? SF_WEIGHT : SF_AXES;
     for (unsigned i = 0; i < last; i++) {
         if (!(knots[i] <= knots[i + 1])) return false;
         spans += knots[i] < knots[i + 1];
         if (i >= count) continue;
         if (i > 0 && !(knots[i] < knots[i + degree])) return false;
-        if (!(curve->hw[i] > R(0))) return false;
-        if (curve->hw[i] != R(1)) curve->plain = false;
+        if (!(weights[i] > R(0))) return false;
+        if (weights[i] != R(1)) curve->axes = SF_AXES;
     }
     unsigned parts = MOST_CELLS / spans, most = SF_CELLS / spans;
     if (parts < LEAST_CELLS_PER_SPAN) parts = LEAST_CELLS_PER_SPAN;

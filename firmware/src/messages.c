@@ -13,7 +13,7 @@
 /* ---- reading ---- */
 
 #define FIELD(kind, type, name) {(kind), offsetof(type, name)}
-#define COUNT(fields) (sizeof(fields) / sizeof *(fields))
+#define END {0, 0}
 
 typedef struct {
     uint32_t number;
@@ -25,19 +25,21 @@ static const sf_field COMMAND_FIELDS[] = {
     FIELD(SF_U32, sf_command, sequence), FIELD(SF_U32, sf_command, epoch),
     FIELD(SF_U8, sf_command, phase), FIELD(SF_STAMP, sf_command, start_ns),
     FIELD(SF_STAMP, sf_command, said_ns), FIELD(SF_I32 | SF_OPTIONAL, sf_command, headroom_ms),
+    END,
     FIELD(SF_U32 | SF_OPTIONAL, sf_command, first), FIELD(SF_U32 | SF_OPTIONAL, sf_command, last),
-    FIELD(SF_U32 | SF_OPTIONAL, sf_command, run),
+    END,
+    FIELD(SF_U32 | SF_OPTIONAL, sf_command, run), END,
 };
-static const sf_field HELD_FIELDS[] = {FIELD(SF_U32, held, number), FIELD(SF_I32, held, time_ms)};
-
+static const sf_field HELD_FIELDS[] = {
+    FIELD(SF_U32, held, number), FIELD(SF_I32, held, time_ms), END,
+};
 static const sf_field CLOCK_FIELDS[] = {
     FIELD(SF_U32, sf_answer, boot), FIELD(SF_STAMP, sf_answer, sent_ns),
     FIELD(SF_STAMP | SF_NULLABLE, sf_answer, received_ns),
     FIELD(SF_STAMP | SF_NULLABLE, sf_answer, answered_ns),
-    FIELD(SF_U32 | SF_OPTIONAL, sf_answer, coordinator),
+    FIELD(SF_U32 | SF_OPTIONAL, sf_answer, coordinator), END,
 };
-
-static const sf_field REFUSAL_FIELDS[] = {{SF_U32, 0}};
+static const sf_field REFUSAL_FIELDS[] = {{SF_U32, 0}, END};
 
 /* Begin a list that may be left out: return its length, and how many elements are left behind it. */
 SHARED static uint32_t open_list(sf_reader *reader, uint32_t most, uint32_t *left) {
@@ -49,27 +51,30 @@ SHARED static uint32_t open_list(sf_reader *reader, uint32_t most, uint32_t *lef
 }
 
 SHARED static bool hear_command(sf_agent *agent, sf_reader *reader) {
-    sf_command command = {.authority_ms = {SF_UNSAID, SF_UNSAID}, .last = UINT32_MAX};
-    const uint32_t numbers[2] = {agent->number, agent->next_number};
+    sf_command command = {.last = UINT32_MAX};
+    sf_granted *const end = command.granted + 2, *one;
     uint32_t left, length;
     held pair;
-    sf_get_fields(reader, &command, COMMAND_FIELDS, 8);
+    command.granted[0].number = agent->number;
+    command.granted[1].number = agent->next_number;
+    for (one = command.granted; one < end; one++) one->authority_ms = SF_UNSAID;
+    const sf_field *fields = sf_get_fields(reader, &command, COMMAND_FIELDS);
     for (uint32_t count = open_list(reader, MOST_HELD, &left); count > 0; count--) {
         if (sf_get_array(reader) != 2) return false;
-        sf_get_fields(reader, &pair, HELD_FIELDS, 2);
-        for (int i = 0; i < 2; i++)
-            if (pair.number == numbers[i] && command.authority_ms[i] == SF_UNSAID)
-                command.authority_ms[i] = pair.time_ms;
+        sf_get_fields(reader, &pair, HELD_FIELDS);
+        for (one = command.granted; one < end; one++)
+            if (pair.number == one->number && one->authority_ms == SF_UNSAID)
+                one->authority_ms = pair.time_ms;
     }
     reader->left = left;
-    sf_get_fields(reader, &command, COMMAND_FIELDS + 8, 2);
+    fields = sf_get_fields(reader, &command, fields);
     for (uint32_t count = open_list(reader, MOST_WANTED, &left); count > 0; count--) {
         const uint8_t *text = sf_get_text(reader, &length);
         if (!sf_is_id(text, length)) return false;
         if (sf_is_named(ROBOT(agent)->id, text, length)) command.wanted = true;
     }
     reader->left = left;
-    sf_get_fields(reader, &command, COMMAND_FIELDS + 10, 1);
+    sf_get_fields(reader, &command, fields);
     if (!sf_close(reader) || command.phase > STOP) return false;
     if (agent->newest_term == command.term && agent->newest_boot == command.boot &&
         agent->newest_sequence >= command.sequence)
@@ -79,10 +84,9 @@ SHARED static bool hear_command(sf_agent *agent, sf_reader *reader) {
     agent->newest_sequence = command.sequence;
     int64_t plan_ns = sf_difference(command.said_ns, command.start_ns);
     int64_t all_ms = sf_floor_ratio(plan_ns, MILLISECOND) + command.headroom_ms;
-    for (int i = 0; i < 2; i++) {
-        if (command.authority_ms[i] == SF_UNSAID) command.authority_ms[i] = all_ms;
-        if (numbers[i] < command.first || numbers[i] > command.last)
-            command.authority_ms[i] = SF_UNSAID;
+    for (one = command.granted; one < end; one++) {
+        if (one->authority_ms == SF_UNSAID) one->authority_ms = all_ms;
+        if (one->number < command.first || one->number > command.last) one->authority_ms = SF_UNSAID;
     }
     sf_hear_command(agent, &command);
     return true;
@@ -90,7 +94,7 @@ SHARED static bool hear_command(sf_agent *agent, sf_reader *reader) {
 
 static bool hear_refusal(sf_agent *agent, sf_reader *reader) {
     uint32_t length, characters = 0, boot = 0;
-    sf_get_fields(reader, &boot, REFUSAL_FIELDS, 1);
+    sf_get_fields(reader, &boot, REFUSAL_FIELDS);
     const uint8_t *reason = sf_get_text(reader, &length);
     for (uint32_t i = 0; i < length; i++) characters += (reason[i] & 0xC0) != 0x80;
     if (characters > MOST_REASON || !sf_close(reader)) return false;
@@ -100,9 +104,9 @@ static bool hear_refusal(sf_agent *agent, sf_reader *reader) {
 
 static bool hear_clock(sf_agent *agent, sf_reader *reader) {
     sf_answer answer;
-    sf_clear(&answer, sizeof answer);
     answer.received_ns = answer.answered_ns = SF_UNANSWERED;
-    sf_get_fields(reader, &answer, CLOCK_FIELDS, COUNT(CLOCK_FIELDS));
+    answer.coordinator = 0;
+    sf_get_fields(reader, &answer, CLOCK_FIELDS);
     if (!sf_close(reader)) return false;
     bool answered = answer.received_ns != SF_UNANSWERED && answer.answered_ns != SF_UNANSWERED;
     if (answered && answer.boot == ROBOT(agent)->boot) sf_hear_clock(agent, &answer);
@@ -113,11 +117,15 @@ bool sf_hear(sf_agent *agent, int kind, const uint8_t *bytes, size_t length, int
     sf_reader reader;
     agent->clock.now_ns = now_ns;
     if (length > MOST_MESSAGE) return false;
-    uint32_t tag = sf_open(&reader, bytes, length);
-    if (kind == SF_COMMAND && tag == COMMAND) return hear_command(agent, &reader);
-    if (kind == SF_CLOCK && tag == CLOCK) return hear_clock(agent, &reader);
-    if (kind == SF_PLAN && tag == REFUSAL) return hear_refusal(agent, &reader);
-    return kind == SF_PLAN && tag == PLAN && sf_hear_plan(agent, bytes, length);
+    int tag = sf_open(&reader, bytes, length);
+    if (tag == REFUSAL) return kind == SF_PLAN && hear_refusal(agent, &reader);
+    if (tag != kind) return false;
+    switch (tag) {
+    case PLAN: return sf_hear_plan(agent, bytes, length);
+    case COMMAND: return hear_command(agent, &reader);
+    case CLOCK: return hear_clock(agent, &reader);
+    default: return false;
+    }
 }
 
 /* ---- writing ---- */
@@ -178,7 +186,7 @@ static uint8_t *put_tag(uint8_t *at, int count, int tag) {
 }
 
 SHARED static uint8_t *put_milli(uint8_t *at, sf_real value) {
-    return put_long(at, sf_nearest(R(1000) * value));
+    return put_long(at, sf_milli(value));
 }
 
 static uint8_t *put_hello(uint8_t *at, const sf_agent *agent) {

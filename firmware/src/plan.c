@@ -20,10 +20,11 @@ static const uint8_t SIZES[FIELDS_PACKED][2] = {{8, 4}, {4, 4}, {4, 4}, {4, 4}, 
 enum { SEAL_BYTES = 5, MOST_PACKED = 3600, MOST_MESSAGE = 4000 };
 
 #define FIELD(kind, name) {(kind), offsetof(sf_plan, name)}
-static const sf_field HEAD_FIELDS[] = {FIELD(SF_U32, epoch), FIELD(SF_U32, boot)};
-static const sf_field FIELDS_BEHIND[] = {
+static const sf_field PLAN_FIELDS[] = {
+    FIELD(SF_U32, epoch), FIELD(SF_U32, boot), {0, 0},
     FIELD(SF_U32, number), FIELD(SF_U32, revision), FIELD(SF_I32, begin_ms), FIELD(SF_STAMP, tau_ns),
     FIELD(SF_U16, track_mm), FIELD(SF_U32, brake_mmps2), FIELD(SF_U16, clock_ms), FIELD(SF_U8, degree),
+    {0, 0},
 };
 
 static uint32_t word(const uint8_t *at) {
@@ -52,10 +53,10 @@ static int read_fields(sf_plan *plan, const char *id) {
     sf_reader reader;
     uint32_t length;
     sf_open(&reader, plan->bytes, plan->length);
-    sf_get_fields(&reader, plan, HEAD_FIELDS, 2);
+    const sf_field *fields = sf_get_fields(&reader, plan, PLAN_FIELDS);
     const uint8_t *robot = sf_get_text(&reader, &length);
     if (length == 0 || !sf_is_named(id, robot, length)) return FAILED;
-    sf_get_fields(&reader, plan, FIELDS_BEHIND, 8);
+    sf_get_fields(&reader, plan, fields);
     if (plan->tau_ns < 0 || plan->tau_ns > 1000 * SECOND || plan->clock_ms < 1) return FAILED;
     if (plan->degree < 1 || plan->degree > SF_DEGREE) return FAILED;
     for (int field = 0; field < FIELDS_PACKED; field++) {
@@ -84,9 +85,8 @@ SHARED static int check_sum(sf_plan *plan) {
     plan->at = (uint16_t)at;
     crc = plan->crc = ~crc;
     if (at < end) return AGAIN;
-    bool same = *seal == 0xCE;
-    for (int i = 1; i <= 4; i++, crc <<= 8) same = same && seal[i] == crc >> 24;
-    return same ? NEXT : FAILED;
+    uint32_t sealed = (uint32_t)seal[1] << 24 | (uint32_t)seal[2] << 16 | (uint32_t)seal[3] << 8 | seal[4];
+    return seal[0] == 0xCE && sealed == crc ? NEXT : FAILED;
 }
 
 /* Check the next numbers of the packed fields, `at` bytes into field `stop`. */
@@ -108,7 +108,7 @@ static void begin_course(const sf_plan *plan, sf_course *course) {
 #ifndef SF_DOUBLE
     course->origin_ms = plan->begin_ms;
 #endif
-    course->begin = course->timeline.finish = sf_time_of_ms(course, plan->begin_ms);
+    course->begin = course->time = course->timeline.finish = sf_time_of_ms(course, plan->begin_ms);
     course->timeline.most_v = R(0);
     course->timeline.leg = course->timeline.next = course->timeline.end = course->timeline.knots;
     course->curve.degree = plan->degree;
@@ -133,9 +133,9 @@ static int read_curve(sf_plan *plan, sf_curve *curve) {
     if (i < curve->count) {
         const uint8_t *point = plan->packed[POINTS] + 8 * i;
         sf_real weight = plan->counts[WEIGHTS] ? real(plan->packed[WEIGHTS] + 4 * i) : R(1);
-        curve->hx[i] = real(point) * weight;
-        curve->hy[i] = real(point + 4) * weight;
-        curve->hw[i] = weight;
+        curve->points[SF_X][i] = real(point) * weight;
+        curve->points[SF_Y][i] = real(point + 4) * weight;
+        curve->points[SF_WEIGHT][i] = weight;
     }
     return i < curve->count + degree ? AGAIN : NEXT;
 }
@@ -158,6 +158,7 @@ static int read_speed(sf_plan *plan, sf_timeline *line) {
     if (plan->at == plan->counts[PROFILE]) return NEXT;
     const uint8_t *knot = plan->packed[PROFILE] + 5 * plan->at++;
     sf_real v = real(plan->packed[SPEEDS] + 4 * knot[4]);
+    if (!(v >= R(0)) || !(v < R(1e3))) return FAILED;
     return add_knot(line, real(knot), v, plan->brake_mmps2 > 0) ? AGAIN : FAILED;
 }
 
@@ -169,8 +170,6 @@ static int read_stop(sf_plan *plan, sf_timeline *line) {
     return !(s > R(0)) || add_knot(line, s, R(0), true) ? AGAIN : FAILED;
 }
 
-static bool is_speed(sf_real v) { return v >= R(0) && v < R(1e3); }
-
 /* Add the legs up to the next speed knot, with the stops between. */
 static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
     sf_real s = line->next->s, v = line->next->v, time = line->finish, before = R(-1);
@@ -178,11 +177,12 @@ static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
     line->most_v = sf_most(line->most_v, v);
     if (line->next + 1 == line->end) return plan->stop == plan->counts[PACKED_STOPS] ? NEXT : FAILED;
     sf_real end_s = line->next[1].s, end_v = line->next[1].v;
-    if (!(end_s > s) || !is_speed(v) || !is_speed(end_v)) return FAILED;
+    if (!(end_s > s)) return FAILED;
     sf_real slope = (end_v * end_v - v * v) / (end_s - s);
     for (; plan->stop < plan->counts[PACKED_STOPS]; plan->stop++) {
         const uint8_t *stop = stop_at(plan, plan->stop);
-        sf_real stop_s = real(stop), departs = sf_seconds_of_ns(departure_ns(stop));
+        sf_real stop_s = real(stop);
+        sf_real departs = sf_seconds_of_ns(departure_ns(stop) - origin_ms * MILLISECOND);
         if (!(stop_s < end_s)) break;
         if (plan->stop > 0) before = real(stop - 12);
         if (!(stop_s >= R(0)) || !(stop_s > before) || !(sf_abs(departs) < R(1e6))) return FAILED;
@@ -192,7 +192,7 @@ static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
             if (!add_knot(line, s, v, true) || !sf_timeline_leg(line, time)) return FAILED;
             time = line->finish;
         }
-        time = sf_most(time, sf_seconds_of_ns(departure_ns(stop) - origin_ms * MILLISECOND));
+        time = sf_most(time, departs);
     }
     return sf_timeline_leg(line, time) ? AGAIN : FAILED;
 }
@@ -207,8 +207,8 @@ SHARED static int work_on(sf_agent *agent, sf_plan *plan, sf_course *course) {
         int done = check_numbers(plan);
         if (done != NEXT) return done;
         if (!sf_takes_plan(agent, plan)) return FAILED;
-        plan->course = agent->ride == &agent->courses[0];
-        begin_course(plan, &agent->courses[plan->course]);
+        plan->course = &agent->courses[agent->ride == &agent->courses[0]];
+        begin_course(plan, plan->course);
         return NEXT;
     }
     case CURVE: return read_curve(plan, &course->curve);
@@ -232,9 +232,9 @@ void sf_read_plan(sf_agent *agent, int work) {
     };
     sf_plan *plan = &agent->plan;
     while (plan->stage && work > 0) {
-        sf_course *course = &agent->courses[plan->course];
+        sf_course *course = plan->course;
         unsigned stage = plan->stage;
-        work -= stage == CELLS && !course->curve.plain ? 24 : WORK[stage];
+        work -= stage == CELLS && course->curve.axes == SF_AXES ? 24 : WORK[stage];
         int done = work_on(agent, plan, course);
         if (done == AGAIN) continue;
         plan->at = plan->stop = 0;

@@ -67,20 +67,21 @@ SHARED static uint64_t element(sf_reader *reader, int type) {
     return value;
 }
 
-uint32_t sf_open(sf_reader *reader, const uint8_t *bytes, size_t length) {
+int sf_open(sf_reader *reader, const uint8_t *bytes, size_t length) {
     *reader = (sf_reader){.at = bytes, .end = bytes + length, .left = 1};
     reader->left = sf_get_array(reader);
     int64_t tag = sf_get_int(reader);
-    return tag == (uint8_t)tag ? (uint32_t)tag : 0;
+    return tag == (uint8_t)tag ? (int)tag : 0;
 }
 
 SHARED int64_t sf_get_int(sf_reader *reader) { return (int64_t)element(reader, INTEGER); }
 
 SHARED uint32_t sf_get_array(sf_reader *reader) { return (uint32_t)element(reader, ARRAY); }
 
-/* Read integers into the fields of a struct; one that is left out keeps its value. */
-void sf_get_fields(sf_reader *reader, void *into, const sf_field *field, unsigned count) {
-    for (; count > 0; count--, field++) {
+/* Read integers into the fields of a struct, up to one of kind 0; one that is left out keeps its
+   value.  Return the field behind that. */
+const sf_field *sf_get_fields(sf_reader *reader, void *into, const sf_field *field) {
+    for (; field->kind; field++) {
         void *at = (uint8_t *)into + field->at;
         bool fits = true;
         if (field->kind >= SF_OPTIONAL && reader->left == 0) continue;
@@ -100,6 +101,7 @@ void sf_get_fields(sf_reader *reader, void *into, const sf_field *field, unsigne
         }
         if (!fits) fail(reader);
     }
+    return field + 1;
 }
 
 SHARED static const uint8_t *content(sf_reader *reader, int type, uint32_t *length) {

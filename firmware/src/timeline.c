@@ -26,20 +26,13 @@ SHARED static const sf_knot *find(sf_timeline *line, sf_real time) {
     return leg;
 }
 
-sf_real sf_s_at(sf_timeline *line, sf_real time) {
+sf_motion sf_planned(sf_timeline *line, sf_real time) {
     const sf_knot *leg = find(line, time);
-    sf_real passed = time - leg->t0;
-    if (passed <= R(0)) return leg->s;
-    if (time >= leg->t1) return leg[1].s;
-    sf_real rate = (leg[1].v - leg->v) / (leg->t1 - leg->t0);
-    return leg->s + passed * (leg->v + R(0.5) * rate * passed);
-}
-
-sf_real sf_v_at(sf_timeline *line, sf_real time) {
-    const sf_knot *leg = find(line, time);
-    sf_real passed = time - leg->t0;
-    if (passed < R(0) || time >= leg->t1) return R(0);
-    return leg->v + (leg[1].v - leg->v) / (leg->t1 - leg->t0) * passed;
+    sf_real passed = time - leg->t0, v = leg->v;
+    if (time >= leg->t1) return (sf_motion){leg[1].s, R(0)};
+    if (passed < R(0)) return (sf_motion){leg->s, R(0)};
+    sf_real rate = (leg[1].v - v) / (leg->t1 - leg->t0);
+    return (sf_motion){leg->s + passed * (v + R(0.5) * rate * passed), v + rate * passed};
 }
 
 sf_real sf_time_at(const sf_timeline *line, sf_real s) {
