@@ -65,11 +65,12 @@ typedef struct {
 /* Small fields stand first in every struct, and arrays last: short offsets make short code. */
 
 typedef struct {
-    uint8_t degree, piece, axes; /* axes: without SF_WEIGHT for a cubic whose weights are all 1 */
-    uint16_t count, span;
+    uint8_t degree, axes; /* axes: without SF_WEIGHT for a cubic whose weights are all 1 */
+    uint16_t count;
     sf_real at[SF_AXES], slope[SF_AXES], length; /* slope: of at, by the parameter */
     const sf_cell *cell; /* where the curve was evaluated last */
     sf_cell *last;       /* of the table: where the curve ends */
+    sf_piece *piece, *spare;
     sf_piece pieces[2];
     sf_real knots[SF_POINTS + SF_DEGREE + 1];
     sf_real points[SF_AXES][SF_POINTS];
@@ -116,10 +117,15 @@ typedef struct {
 } sf_course;
 
 typedef struct {
+    int64_t low_ns, high_ns;
+} sf_interval;
+
+typedef struct {
     uint8_t place; /* in open_ns, of the next question */
     bool slewing, compares;
     uint32_t good, asked, period_ns;
-    int64_t now_ns, offset_ns, low_ns, high_ns, at_ns, middle_ns, asked_ns, since_ns, followed_ns;
+    int64_t now_ns, offset_ns, at_ns, middle_ns, asked_ns, since_ns, followed_ns;
+    sf_interval interval;          /* where the offset lay at at_ns */
     int64_t open_ns[SF_QUESTIONS]; /* when open questions were asked; a ring */
 } sf_clock;
 
@@ -142,26 +148,26 @@ typedef struct {
 typedef struct {
     uint8_t stage, degree;
     bool next; /* of the epoch that the robot drives in */
-    uint16_t at, stop, span, parts, length, track_mm, clock_ms;
+    uint16_t at, stop, parts, length, track_mm, clock_ms;
     uint16_t counts[6];
     int32_t begin_ms;
     uint32_t crc, epoch, boot, number, revision, brake_mmps2;
     sf_course *course;
     const uint8_t *bytes;
+    const sf_real *knot; /* up to which the curve is measured now */
     int64_t tau_ns;
     const uint8_t *packed[6]; /* points, knots, weights, speeds, profile, stops */
 } sf_plan;
 
 typedef struct {
     uint8_t phase, fault;
-    bool finished, refused, has_pose, report_rest;
+    bool finished, refused, has_pose;
     sf_leader leader;
     sf_rest rest;
     uint32_t epoch, number, revision, next_number, holds;
     const void *robot; /* the sf_robot */
     sf_course *ride, *coming;
-    uint32_t spent_epoch, report_sequence, report_late, hellos, newest_term, newest_boot;
-    int32_t report_stamp_ms;
+    uint32_t spent_epoch, report_sequence, hellos, newest_term, newest_boot;
     uint32_t reported[SF_REPORTED];
     sf_real unsure, passed;
     sf_real drive_speed, drive_curvature, drive_distance, drive_turn;

@@ -44,14 +44,12 @@ static bool before_motion(const sf_agent *agent) {
     return agent->phase == SF_IDLE || agent->phase == SF_ARMED;
 }
 
-static bool on_its_way(uint8_t phase) { return phase == SF_MOVING || phase == SF_BRAKING; }
-
 SHARED static bool knows_time(const sf_agent *agent, const sf_course *ride) {
     return sf_clock_within(&agent->clock, ride->clock_ms);
 }
 
 /* Stand, and store the place of rest until the robot moves, even if the plan is dropped. */
-static void rest(sf_agent *agent, bool tell) {
+SHARED static void rest(sf_agent *agent, bool tell) {
     sf_rest *rest = &agent->rest;
     sf_stand(agent->ride);
     rest->epoch = agent->epoch;
@@ -65,28 +63,33 @@ static void rest(sf_agent *agent, bool tell) {
 static void apply(sf_agent *agent, int event) {
     uint8_t entry = TRANSITIONS[agent->phase][event];
     if (entry == 0) return;
-    uint8_t after = agent->phase = (uint8_t)(entry - 1);
-    if (event == NEW_EPOCH && after == SF_IDLE) {
+    agent->phase = (uint8_t)(entry - 1);
+    switch (agent->phase) {
+    case SF_IDLE:
+        if (event == NOT_READY) break;
         agent->ride = agent->coming = NULL;
         agent->epoch = 0;
         agent->fault = SF_NO_FAULT;
         agent->rest.tell = false;
         sf_clock_start_over(&agent->clock);
-    } else if (after == SF_BRAKING) {
-        sf_begin_to_brake(agent->ride);
-    } else if (after == SF_FROZEN || after == SF_DONE) {
-        rest(agent, after == SF_FROZEN);
-        if (after == SF_FROZEN) { /* Where a course begins that has not begun, it does not stand. */
-            agent->coming = NULL;
-            agent->holds = agent->revision;
-            agent->next_number = agent->number;
-        }
-    } else if (after == SF_MOVING) {
+        break;
+    case SF_MOVING:
         agent->fault = SF_NO_FAULT;
         agent->rest.epoch = 0;
         agent->rest.tell = false;
+        agent->spent_epoch = agent->epoch;
+        break;
+    case SF_BRAKING: sf_begin_to_brake(agent->ride); break;
+    case SF_FROZEN: /* Where a course begins that has not begun, it does not stand. */
+        rest(agent, true);
+        agent->coming = NULL;
+        agent->holds = agent->revision;
+        agent->next_number = agent->number;
+        agent->spent_epoch = agent->epoch;
+        break;
+    case SF_DONE: rest(agent, false); break;
+    default: break;
     }
-    if (after == SF_MOVING || after == SF_FROZEN) agent->spent_epoch = agent->epoch;
 }
 
 /* Brake, and record the fault if none is recorded yet; at the goal the only one is OFF_PATH. */
@@ -236,20 +239,21 @@ void sf_driver_failed(sf_agent *agent, int64_t now_ns) {
     fail(agent, SF_DRIVER_ERROR);
 }
 
+/* How long ago the plan started, for a robot that knows the time. */
+SHARED static int64_t since_start_ns(const sf_agent *agent) {
+    int64_t time_ns = sf_sum(agent->clock.now_ns, agent->clock.offset_ns);
+    return sf_difference(time_ns, agent->start_ns);
+}
+
 /* The plan time that it is now; without a known time, `passed` after the one driven by last. */
 static sf_real plan_time(const sf_agent *agent, const sf_course *ride, sf_real passed) {
     if (!knows_time(agent, ride)) return ride->time + passed;
-    int64_t plan_ns = sf_difference(sf_sum(agent->clock.now_ns, agent->clock.offset_ns), agent->start_ns);
-    return sf_seconds_of_ns(sf_difference(plan_ns, ride->origin_ms * MILLISECOND));
+    return sf_seconds_of_ns(sf_difference(since_start_ns(agent), ride->origin_ms * MILLISECOND));
 }
 
-/* The same in whole ms after the plan's start. */
-static int64_t plan_time_ms(const sf_agent *agent, const sf_course *ride) {
+int64_t sf_plan_time_ms(const sf_agent *agent, const sf_course *ride) {
 #ifndef SF_DOUBLE
-    if (knows_time(agent, ride)) {
-        int64_t time_ns = sf_sum(agent->clock.now_ns, agent->clock.offset_ns);
-        return sf_difference(time_ns, agent->start_ns) / MILLISECOND;
-    }
+    if (knows_time(agent, ride)) return since_start_ns(agent) / MILLISECOND;
 #endif
     return ride->origin_ms + sf_whole(R(1000) * plan_time(agent, ride, R(0)));
 }
@@ -299,30 +303,29 @@ static sf_course *change(sf_agent *agent) {
 /* The course to drive now: the newer one, once it has begun. */
 static sf_course *on_course(sf_agent *agent) {
     sf_course *ride = agent->ride, *coming = agent->coming;
-    if (agent->phase == SF_FROZEN) {
-        if (agent->leader.phase != GO) return ride;
-        sf_locate(ride, &agent->pose);
-        if (!sf_rests_where(ride, coming)) return ride;
-        bool begun = !knows_time(agent, coming) ||
-                     plan_time(agent, coming, R(0)) >= coming->begin;
-        return begun ? change(agent) : ride;
-    }
-    if (before_motion(agent)) return ride;
+    bool over, stands = agent->phase == SF_FROZEN;
+    if (before_motion(agent) || (stands && agent->leader.phase != GO)) return ride;
     sf_locate(ride, &agent->pose);
-    sf_real now = plan_time(agent, ride, R(0));
-    /* At its goal no plan time passes for a robot that does not know the time. */
-    if (agent->phase == SF_DONE && !knows_time(agent, ride)) now = SF_INF;
-    return sf_is_over(ride, coming, now) ? change(agent) : ride;
+    if (stands) {
+        over = sf_rests_where(ride, coming) &&
+               (!knows_time(agent, coming) || plan_time(agent, coming, R(0)) >= coming->begin);
+    } else {
+        sf_real now = plan_time(agent, ride, R(0));
+        /* At its goal no plan time passes for a robot that does not know the time. */
+        if (agent->phase == SF_DONE && !knows_time(agent, ride)) now = SF_INF;
+        over = sf_is_over(ride, coming, now);
+    }
+    return over ? change(agent) : ride;
 }
 
 /* Decide what the robot does in its phase. */
 static void decide(sf_agent *agent) {
     sf_course *ride = agent->ride;
-    if (agent->phase == SF_ARMED && !knows_time(agent, ride)) disarm(agent);
+    if (!knows_time(agent, ride)) disarm(agent);
     if (agent->coming) ride = on_course(agent);
     if (agent->phase == SF_IDLE) {
         try_to_arm(agent, ride);
-    } else if (on_its_way(agent->phase)) {
+    } else if (sf_is_on_its_way(agent)) {
         drive(agent, ride);
     } else if (agent->phase == SF_DONE) {
         sf_locate(ride, &agent->pose);
@@ -339,53 +342,10 @@ void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real head
     agent->has_pose = x == x;
     agent->pose = (sf_pose){x, y, heading};
     if (!agent->has_pose) sf_clear(&agent->pose, sizeof agent->pose);
-    sf_clock_follow(&agent->clock, on_its_way(agent->phase));
+    sf_clock_follow(&agent->clock, sf_is_on_its_way(agent));
     agent->drive_speed = agent->drive_curvature = agent->drive_distance = agent->drive_turn = R(0);
     if (agent->ride) decide(agent);
     sf_read_plan(agent, SF_WORK); /* Last, so that no tick takes a course and changes to it. */
-}
-
-/* Whether it is a period since something was sent. */
-SHARED static bool is_due(const sf_agent *agent, int64_t sent_ns) {
-    return sf_difference(agent->clock.now_ns, sent_ns) >= SEND_PERIOD;
-}
-
-bool sf_report_due(sf_agent *agent) {
-    const uint32_t now[SF_REPORTED] = {
-        agent->epoch, agent->revision, agent->holds, agent->phase, agent->fault,
-    };
-    bool same = true;
-    for (int i = 0; i < SF_REPORTED; i++) {
-        if (agent->reported[i] != now[i]) same = false;
-        agent->reported[i] = now[i];
-    }
-    if (same && !is_due(agent, agent->reported_ns)) return false;
-    agent->reported_ns = agent->clock.now_ns;
-    agent->report_sequence++;
-    agent->report_rest = agent->rest.tell && agent->rest.epoch > 0;
-    agent->rest.tell = false;
-    agent->report_stamp_ms = SF_NO_STAMP;
-    agent->report_late = 0;
-    sf_course *ride = agent->ride;
-    if (ride && (agent->phase == SF_MOVING || agent->phase == SF_DONE)) {
-        sf_reckon(ride, plan_time_ms(agent, ride));
-        agent->report_stamp_ms = ride->stamp_ms;
-        if (agent->phase == SF_MOVING) agent->report_late = ride->late;
-    }
-    return true;
-}
-
-bool sf_hello_due(sf_agent *agent) {
-    if (agent->ride || !is_due(agent, agent->hello_ns)) return false;
-    agent->hello_ns = agent->clock.now_ns;
-    agent->hellos++;
-    return true;
-}
-
-bool sf_clock_due(sf_agent *agent) {
-    int error_ms = agent->ride ? agent->ride->clock_ms : CLOCK_ERROR_MS;
-    bool moving = on_its_way(agent->phase);
-    return sf_clock_asks(&agent->clock, error_ms - CLOCK_RESERVE_MS, moving);
 }
 
 bool sf_may_leave(const sf_agent *agent, int64_t now_ns) {

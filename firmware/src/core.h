@@ -79,7 +79,7 @@ sf_real sf_seconds_of_ns(int64_t ns);
 void sf_clear(void *memory, size_t bytes);
 
 /* curve.c */
-bool sf_curve_begin(sf_plan *plan, sf_curve *curve); /* checks degree, count, knots, weights */
+bool sf_curve_begin(sf_plan *plan, sf_curve *curve); /* of clamped knots; checks these and weights */
 sf_real sf_on_curve(const sf_curve *curve, sf_real s); /* s, limited to the curve's length */
 bool sf_measure_cell(sf_plan *plan, sf_curve *curve); /* false once the curve is measured */
 void sf_curve_place(sf_curve *curve, sf_real s);
@@ -89,7 +89,8 @@ typedef struct {
     sf_real s, v;
 } sf_motion;
 
-bool sf_timeline_leg(sf_timeline *line, sf_real time); /* adds the leg to the next knot */
+sf_real sf_slope(const sf_knot *leg); /* how the square of the speed grows, by arc length */
+bool sf_timeline_leg(sf_timeline *line); /* adds the leg to the next knot, from `finish` on */
 sf_motion sf_planned(sf_timeline *line, sf_real time);
 sf_real sf_time_at(const sf_timeline *line, sf_real s);
 sf_real sf_rest_until(sf_timeline *line, sf_real time);
@@ -100,7 +101,6 @@ typedef struct {
 } sf_apart;
 
 /* steering.c: the curve of a follower is that of its course */
-void sf_follower_begin(sf_follower *follower);
 void sf_start_of(sf_course *course, sf_real *x, sf_real *y, sf_real *heading);
 sf_apart sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there);
 sf_apart sf_start_from(sf_course *course, const sf_pose *pose); /* the turn that is needed */
@@ -169,9 +169,10 @@ bool sf_hear_command(sf_agent *agent, const sf_command *command);
 void sf_hear_clock(sf_agent *agent, const sf_answer *answer);
 bool sf_takes_plan(sf_agent *agent, sf_plan *plan);
 void sf_plan_taken(sf_agent *agent, sf_course *course, bool valid);
-bool sf_hello_due(sf_agent *agent);
-bool sf_clock_due(sf_agent *agent);
-bool sf_report_due(sf_agent *agent);
+int64_t sf_plan_time_ms(const sf_agent *agent, const sf_course *ride); /* now */
+static inline bool sf_is_on_its_way(const sf_agent *agent) {
+    return agent->phase == SF_MOVING || agent->phase == SF_BRAKING;
+}
 
 /* plan.c */
 bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length); /* keeps `bytes` */

@@ -132,7 +132,9 @@ bool sf_hear(sf_agent *agent, int kind, const uint8_t *bytes, size_t length, int
 
 enum { ARRAY_HEAD = 0x90, NIL = 0xC0 };
 
-SHARED static uint8_t *put(uint8_t *at, int head, uint64_t bits, int bytes) {
+/* A number behind its head, whose last two bits say how many bytes it takes. */
+SHARED static uint8_t *put(uint8_t *at, int head, uint64_t bits) {
+    int bytes = 1 << (head & 3);
     *at = (uint8_t)head;
     for (int i = bytes; i > 0; i--, bits >>= 8) at[i] = (uint8_t)bits;
     return at + 1 + bytes;
@@ -149,19 +151,19 @@ SHARED static uint8_t *put_long(uint8_t *at, int64_t value) {
     uint32_t low = (uint32_t)most;
     if (value >= -32 && value < 128) return put_byte(at, (int)value);
     int size = most >> 32 ? 3 : low >> 16 ? 2 : low >> 8 ? 1 : 0;
-    return put(at, (value < 0 ? 0xD0 : 0xCC) + size, (uint64_t)value, 1 << size);
+    return put(at, (value < 0 ? 0xD0 : 0xCC) + size, (uint64_t)value);
 }
 
 SHARED static uint8_t *put_int(uint8_t *at, int32_t value) { return put_long(at, value); }
 
 SHARED static uint8_t *put_count(uint8_t *at, uint32_t value) { return put_long(at, value); }
 
-static uint8_t *put_double(uint8_t *at, double value) {
+SHARED static uint8_t *put_double(uint8_t *at, double value) {
     union {
         double value;
         uint64_t bits;
     } both = {.value = value};
-    return put(at, 0xCB, both.bits, 8);
+    return put(at, 0xCB, both.bits);
 }
 
 /* A number as float64; from float by its bits alone.  It is not negative, and finite. */
@@ -176,7 +178,7 @@ static uint8_t *put_real(uint8_t *at, sf_real value) {
     uint64_t wide = (uint64_t)both.bits << 29;
     if (both.bits >= 0x00800000) wide += (uint64_t)(1023 - 127) << 52;
     else wide = 0; /* Less than 1e-37 is nothing. */
-    return put(at, 0xCB, wide, 8);
+    return put(at, 0xCB, wide);
 #endif
 }
 
@@ -205,36 +207,71 @@ static uint8_t *put_hello(uint8_t *at, const sf_agent *agent) {
     return put_count(put_count(at, SF_STOPS), SF_BYTES);
 }
 
-static uint8_t *put_report(uint8_t *at, const sf_agent *agent) {
+SHARED static uint8_t *put_report(uint8_t *at, sf_agent *agent) {
     const sf_rest *rest = &agent->rest;
+    sf_course *ride = agent->ride;
+    bool moves = agent->phase == SF_MOVING, on_course = moves || agent->phase == SF_DONE;
     at = put_count(put_tag(at, 11, REPORT), ROBOT(agent)->boot);
-    at = put_count(put_count(at, agent->report_sequence), agent->epoch);
+    at = put_count(put_count(at, ++agent->report_sequence), agent->epoch);
     at = put_byte(put_byte(at, agent->phase), agent->fault);
-    if (agent->report_rest) {
+    if (rest->tell) {
         at = put_count(put_real(put_byte(at, ARRAY_HEAD + 6), rest->s), rest->epoch);
         at = put_int(put_int(at, rest->off), rest->turn);
         at = put_count(put_int(at, rest->beyond), rest->revision);
     } else {
         at = put_byte(at, NIL);
     }
-    if (agent->report_stamp_ms == SF_NO_STAMP) at = put_byte(at, NIL);
-    else at = put_int(at, agent->report_stamp_ms);
-    at = put_count(at, agent->report_late);
+    agent->rest.tell = false;
+    if (on_course) {
+        sf_reckon(ride, sf_plan_time_ms(agent, ride));
+        at = put_int(at, ride->stamp_ms);
+    } else {
+        at = put_byte(at, NIL);
+    }
+    at = put_count(at, on_course && moves ? ride->late : 0);
     return put_count(put_count(at, agent->revision), agent->holds);
+}
+
+/* ---- what is due ---- */
+
+/* Whether it is a period since something was sent. */
+SHARED static bool is_due(const sf_agent *agent, int64_t sent_ns) {
+    return sf_difference(agent->clock.now_ns, sent_ns) >= SEND_PERIOD;
+}
+
+/* Whether to report; what is reported by it counts as reported. */
+static bool report_is_due(sf_agent *agent) {
+    const uint32_t now[SF_REPORTED] = {
+        agent->epoch, agent->revision, agent->holds, agent->phase, agent->fault,
+    };
+    bool same = true;
+    for (int i = 0; i < SF_REPORTED; i++) {
+        if (agent->reported[i] != now[i]) same = false;
+        agent->reported[i] = now[i];
+    }
+    return !same || is_due(agent, agent->reported_ns);
+}
+
+static bool question_is_due(sf_agent *agent) {
+    int error_ms = agent->ride ? agent->ride->clock_ms : CLOCK_ERROR_MS;
+    return sf_clock_asks(&agent->clock, error_ms - CLOCK_RESERVE_MS, sf_is_on_its_way(agent));
 }
 
 int sf_speak(sf_agent *agent, int64_t now_ns, uint8_t *bytes, size_t *length) {
     uint8_t *at = bytes;
     agent->clock.now_ns = now_ns;
     int kind = SF_NOTHING;
-    if (sf_hello_due(agent)) {
+    if (!agent->ride && is_due(agent, agent->hello_ns)) {
+        agent->hello_ns = now_ns;
+        agent->hellos++;
         at = put_hello(at, agent);
         kind = SF_HELLO;
-    } else if (sf_clock_due(agent)) {
+    } else if (question_is_due(agent)) {
         at = put_count(put_tag(at, 6, CLOCK), ROBOT(agent)->boot);
         at = put_byte(put_byte(put_byte(put_long(at, now_ns), NIL), NIL), 0);
         kind = SF_CLOCK;
-    } else if (sf_report_due(agent)) {
+    } else if (report_is_due(agent)) {
+        agent->reported_ns = now_ns;
         at = put_report(at, agent);
         kind = SF_REPORT;
     }

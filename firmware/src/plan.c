@@ -17,7 +17,7 @@ enum { POINTS, KNOTS, WEIGHTS, SPEEDS, PROFILE, PACKED_STOPS, FIELDS_PACKED };
 /* Of each packed field: the bytes of one element, and from one float32 to the next. */
 static const uint8_t SIZES[FIELDS_PACKED][2] = {{8, 4}, {4, 4}, {4, 4}, {4, 4}, {5, 5}, {12, 12}};
 
-enum { SEAL_BYTES = 5, MOST_PACKED = 3600, MOST_MESSAGE = 4000 };
+enum { SEAL_BYTES = 5, STOP_BYTES = 12, MOST_PACKED = 3600 };
 
 #define FIELD(kind, name) {(kind), offsetof(sf_plan, name)}
 static const sf_field PLAN_FIELDS[] = {
@@ -40,7 +40,7 @@ static sf_real real(const uint8_t *at) {
 }
 
 static const uint8_t *stop_at(const sf_plan *plan, unsigned i) {
-    return plan->packed[PACKED_STOPS] + 12 * i;
+    return plan->packed[PACKED_STOPS] + STOP_BYTES * i;
 }
 
 static int64_t departure_ns(const uint8_t *stop) {
@@ -75,31 +75,36 @@ SHARED static int check_sum(sf_plan *plan) {
         0x4DB26158, 0x5005713C, 0xEDB88320, 0xF00F9344, 0xD6D6A3E8, 0xCB61B38C,
         0x9B64C2B0, 0x86D3D2D4, 0xA00AE278, 0xBDBDF21C,
     };
-    uint32_t crc = ~plan->crc, at = plan->at, end = plan->length - SEAL_BYTES;
+    uint32_t crc = plan->crc, at = plan->at, end = plan->length - SEAL_BYTES;
     const uint8_t *seal = plan->bytes + end;
-    for (int i = 0; i < 64 && at < end; i++) {
+    for (int i = 0; at < end; i++) {
+        if (i == 64) {
+            plan->at = (uint16_t)at;
+            plan->crc = crc;
+            return AGAIN;
+        }
         crc ^= plan->bytes[at++];
         crc = crc >> 4 ^ TABLE[crc & 15];
         crc = crc >> 4 ^ TABLE[crc & 15];
     }
-    plan->at = (uint16_t)at;
-    crc = plan->crc = ~crc;
-    if (at < end) return AGAIN;
     uint32_t sealed = (uint32_t)seal[1] << 24 | (uint32_t)seal[2] << 16 | (uint32_t)seal[3] << 8 | seal[4];
-    return seal[0] == 0xCE && sealed == crc ? NEXT : FAILED;
+    return seal[0] == 0xCE && sealed == ~crc ? NEXT : FAILED;
 }
 
 /* Check the next numbers of the packed fields, `at` bytes into field `stop`. */
 SHARED static int check_numbers(sf_plan *plan) {
     unsigned field = plan->stop, at = plan->at, end = plan->counts[field] * SIZES[field][0];
     const uint8_t *packed = plan->packed[field];
-    for (int i = 0; i < 16 && at < end; i++, at += SIZES[field][1]) {
+    for (int i = 0; at < end; i++, at += SIZES[field][1]) {
+        if (i == 16) {
+            plan->at = (uint16_t)at;
+            return AGAIN;
+        }
         if ((~word(packed + at) & 0x7F800000) == 0) return FAILED;
         if (field == PROFILE && packed[at + 4] >= plan->counts[SPEEDS]) return FAILED;
     }
-    plan->at = at < end ? (uint16_t)at : 0;
-    plan->stop = (uint16_t)(at < end ? field : field + 1);
-    return plan->stop < FIELDS_PACKED ? AGAIN : NEXT;
+    plan->at = 0;
+    return ++plan->stop < FIELDS_PACKED ? AGAIN : NEXT;
 }
 
 static void begin_course(const sf_plan *plan, sf_course *course) {
@@ -124,7 +129,7 @@ static bool fits(const sf_plan *plan) {
 }
 
 /* Read one more knot and control point. */
-static int read_curve(sf_plan *plan, sf_curve *curve) {
+SHARED static int read_curve(sf_plan *plan, sf_curve *curve) {
     unsigned i = plan->at++, degree = plan->degree, last = plan->counts[KNOTS] - 1u;
     if (i == 0 && !fits(plan)) return FAILED;
     unsigned knot = i - degree - 1;
@@ -171,30 +176,28 @@ static int read_stop(sf_plan *plan, sf_timeline *line) {
 }
 
 /* Add the legs up to the next speed knot, with the stops between. */
-static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
-    sf_real s = line->next->s, v = line->next->v, time = line->finish, before = R(-1);
-    line->length = s;
-    line->most_v = sf_most(line->most_v, v);
-    if (line->next + 1 == line->end) return plan->stop == plan->counts[PACKED_STOPS] ? NEXT : FAILED;
-    sf_real end_s = line->next[1].s, end_v = line->next[1].v;
-    if (!(end_s > s)) return FAILED;
-    sf_real slope = (end_v * end_v - v * v) / (end_s - s);
+SHARED static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
+    const sf_knot *leg = line->next;
+    line->length = leg->s;
+    line->most_v = sf_most(line->most_v, leg->v);
+    if (leg + 1 == line->end) return plan->stop == plan->counts[PACKED_STOPS] ? NEXT : FAILED;
+    sf_real end_s = leg[1].s, slope = sf_slope(leg);
+    if (!(end_s > leg->s)) return FAILED;
     for (; plan->stop < plan->counts[PACKED_STOPS]; plan->stop++) {
         const uint8_t *stop = stop_at(plan, plan->stop);
-        sf_real stop_s = real(stop);
-        sf_real departs = sf_seconds_of_ns(departure_ns(stop) - origin_ms * MILLISECOND);
-        if (!(stop_s < end_s)) break;
-        if (plan->stop > 0) before = real(stop - 12);
-        if (!(stop_s >= R(0)) || !(stop_s > before) || !(sf_abs(departs) < R(1e6))) return FAILED;
-        if (stop_s > s) {
-            v = SF_SQRT(sf_positive(v * v + slope * (stop_s - s)));
-            s = stop_s;
-            if (!add_knot(line, s, v, true) || !sf_timeline_leg(line, time)) return FAILED;
-            time = line->finish;
+        sf_real s = real(stop);
+        if (!(s < end_s)) break;
+        if (!(s >= R(0)) || (plan->stop > 0 && !(s > real(stop - STOP_BYTES)))) return FAILED;
+        leg = line->next;
+        if (s > leg->s) {
+            sf_real v = SF_SQRT(sf_positive(leg->v * leg->v + slope * (s - leg->s)));
+            if (!add_knot(line, s, v, true) || !sf_timeline_leg(line)) return FAILED;
         }
-        time = sf_most(time, departs);
+        sf_real departs = sf_seconds_of_ns(departure_ns(stop) - origin_ms * MILLISECOND);
+        if (!(sf_abs(departs) < R(1e6))) return FAILED;
+        line->finish = sf_most(line->finish, departs);
     }
-    return sf_timeline_leg(line, time) ? AGAIN : FAILED;
+    return sf_timeline_leg(line) ? AGAIN : FAILED;
 }
 
 /* Do one piece of the work on a Plan. */
@@ -231,7 +234,8 @@ void sf_read_plan(sf_agent *agent, int work) {
         [SPEED_KNOTS] = 1, [STOPS] = 2, [LEGS] = 4, [CELLS] = 8, [RIDE] = 40, [TAKE] = 40,
     };
     sf_plan *plan = &agent->plan;
-    while (plan->stage && work > 0) {
+    if (!sf_is_reading(agent)) return;
+    do {
         sf_course *course = plan->course;
         unsigned stage = plan->stage;
         work -= stage == CELLS && course->curve.axes == SF_AXES ? 24 : WORK[stage];
@@ -240,19 +244,19 @@ void sf_read_plan(sf_agent *agent, int work) {
         plan->at = plan->stop = 0;
         plan->stage = done == NEXT && stage < TAKE ? (uint8_t)(stage + 1) : NONE;
         if (plan->stage == NONE && stage > NUMBERS) sf_plan_taken(agent, course, done == NEXT);
-        if (plan->stage > CELLS) break; /* What is left is enough for two ticks of its own. */
-    }
+    } while (work > 0 && plan->stage != NONE && plan->stage <= CELLS); /* The rest takes a tick each. */
 }
 
-bool sf_is_reading(const sf_agent *agent) { return agent->plan.stage != NONE; }
+SHARED bool sf_is_reading(const sf_agent *agent) { return agent->plan.stage != NONE; }
 
 bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length) {
     sf_plan *plan = &agent->plan;
-    if (sf_is_reading(agent) || length <= SEAL_BYTES || length > MOST_MESSAGE) return false;
+    if (sf_is_reading(agent) || length <= SEAL_BYTES) return false;
     sf_clear(plan, sizeof *plan);
     plan->bytes = bytes;
     plan->length = (uint16_t)length;
     plan->stage = FIELDS;
+    plan->crc = UINT32_MAX;
     while (SF_WORK == 0 && sf_is_reading(agent)) sf_read_plan(agent, 1);
     return true;
 }

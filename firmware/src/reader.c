@@ -121,13 +121,15 @@ const uint8_t *sf_get_text(sf_reader *reader, uint32_t *length) {
 }
 
 bool sf_close(sf_reader *reader) {
-    uint64_t left = reader->left;
-    while (left > 0 && !reader->bad) {
+    for (uint64_t left = reader->left; left > 0 && !reader->bad; left--) {
         uint64_t size = read_head(reader);
-        uint8_t type = reader->type;
-        left--;
-        if (type == ARRAY || type == MAP) left += size << (type == MAP);
-        else if (type == TEXT || type == BYTES || type == OTHER) pass(reader, (uint32_t)size);
+        switch (reader->type) {
+        case MAP: left += size; /* fall through */
+        case ARRAY: left += size; break;
+        case INTEGER:
+        case NIL: break;
+        default: pass(reader, (uint32_t)size);
+        }
     }
     return !reader->bad && reader->at == reader->end;
 }

@@ -85,7 +85,8 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
     sf_real length = course->curve.length;
     if (!(length > R(0)) || !(length < R(1e6))) return false;
     if (sf_abs(line->length - length) > ARRIVAL_SLACK) return false;
-    sf_follower_begin(&course->follower);
+    course->follower.tangent_s = SF_INF;
+    course->follower.tx = R(1);
     course->clock_ms = plan->clock_ms;
     course->stamp_ms = SF_NO_STAMP;
     course->track = R(plan->track_mm) / R(1000);
@@ -147,7 +148,7 @@ void sf_end_with(sf_course *course, sf_course *coming) {
 
 bool sf_is_over(sf_course *course, sf_course *coming, sf_real now) {
     sf_real until = course->until;
-    if (now < until || course->time < sf_least(until, course->timeline.finish)) return false;
+    if (now < until || (course->time < until && course->time < course->timeline.finish)) return false;
     sf_real enough = sf_least(told(course, course), course->time + course->foresight);
     if (!coming->from_rest && told(coming, course) < enough) return false;
     sf_real left = room(course, until);

@@ -21,12 +21,6 @@ SHARED static sf_real angle(sf_real ax, sf_real ay, sf_real bx, sf_real by) {
     return SF_ATAN2(ax * by - ay * bx, ax * bx + ay * by);
 }
 
-/* Of a follower that is all zeros. */
-void sf_follower_begin(sf_follower *follower) {
-    follower->tangent_s = SF_INF;
-    follower->tx = R(1);
-}
-
 /* Evaluate the curve at s and store its direction, unless it has none there. */
 SHARED static void tangent_at(sf_course *course, sf_real s) {
     sf_follower *follower = &course->follower;
