@@ -321,7 +321,7 @@ static sf_course *on_course(sf_agent *agent) {
 /* Decide what the robot does in its phase. */
 static void decide(sf_agent *agent) {
     sf_course *ride = agent->ride;
-    if (!knows_time(agent, ride)) disarm(agent);
+    if (agent->phase == SF_ARMED && !knows_time(agent, ride)) disarm(agent);
     if (agent->coming) ride = on_course(agent);
     if (agent->phase == SF_IDLE) {
         try_to_arm(agent, ride);

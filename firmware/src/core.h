@@ -17,9 +17,11 @@ float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float)
 #define SF_COS SF_NAME(cos)
 #define SF_ATAN2 SF_NAME(atan2)
 #if defined(__GNUC__) /* One instruction each, which a freestanding compiler does not know. */
+#define SF_INF ((sf_real)__builtin_inff())
 #define sf_abs SF_NAME(__builtin_fabs)
 #define SF_SQRT SF_NAME(__builtin_sqrt)
 #else
+#define SF_INF ((sf_real)(1.0f / 0.0f))
 #define sf_abs SF_NAME(fabs)
 #define SF_SQRT SF_NAME(sqrt)
 #endif
@@ -32,7 +34,6 @@ float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float)
 #endif
 
 #define R(number) ((sf_real)(number))
-#define SF_INF ((sf_real)(1.0f / 0.0f))
 
 #define MILLISECOND ((int64_t)1000000)
 #define SECOND ((int64_t)1000000000)

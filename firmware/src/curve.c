@@ -41,7 +41,7 @@ SHARED static void expand(const sf_curve *curve, int axis, const sf_real *knot, 
 }
 
 /* The polynomials at u, from the two that are kept or newly expanded into the older one. */
-SHARED static sf_piece *piece_at(sf_curve *curve, sf_real u) {
+static sf_piece *piece_at(sf_curve *curve, sf_real u) {
     sf_piece *piece = curve->piece;
     if (piece->begin <= u && u < piece->end) return piece;
     curve->piece = curve->spare;
@@ -58,7 +58,7 @@ SHARED static sf_piece *piece_at(sf_curve *curve, sf_real u) {
 }
 
 /* The value of a polynomial at t, and its derivative, by Horner's rule. */
-SHARED static sf_real value_at(const sf_real *power, sf_real t, const sf_real *first, sf_real *slope) {
+static sf_real value_at(const sf_real *power, sf_real t, const sf_real *first, sf_real *slope) {
     sf_real value = *power, rate = value;
     while (--power > first) {
         value = value * t + *power;
@@ -70,7 +70,6 @@ SHARED static sf_real value_at(const sf_real *power, sf_real t, const sf_real *f
 
 SHARED static void evaluate(sf_curve *curve, sf_real u) {
     unsigned degree = curve->degree;
-    u = sf_least(sf_positive(u), curve->knots[curve->count + degree]);
     const sf_piece *piece = piece_at(curve, u);
     sf_real t = u - piece->begin, *at = curve->at, *slope = curve->slope;
     for (int axis = 0; axis < curve->axes; axis++) {
@@ -106,7 +105,8 @@ void sf_curve_place(sf_curve *curve, sf_real s) {
     sf_real m0 = (sf_real)cell->slope * size, m1 = (sf_real)cell[1].slope * size;
     sf_real value = rest * rest * ((R(1) + R(2) * part) * cell->u + part * m0);
     sf_real more = (R(3) - R(2) * part) * cell[1].u - rest * m1;
-    evaluate(curve, value + part * part * more);
+    value += part * part * more;
+    evaluate(curve, sf_least(sf_positive(value), curve->knots[curve->count + curve->degree]));
 }
 
 SHARED static sf_real speed(sf_curve *curve, sf_real u) {

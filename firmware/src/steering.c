@@ -71,10 +71,10 @@ sf_apart sf_start_from(sf_course *course, const sf_pose *pose) {
     return (sf_apart){off, -turned_from_tangent(&course->follower, pose->heading)};
 }
 
-/* Set the robot's place to s, with its pose as it was seen last. */
-SHARED static void take(sf_course *course, sf_real s) {
+/* Let the robot be at follower->s, with its pose as it was seen last. */
+SHARED static void take(sf_course *course) {
     sf_follower *follower = &course->follower;
-    follower->s = s;
+    sf_real s = follower->s;
     follower->off = follower->seen_off;
     follower->lateral = follower->seen_lateral;
     follower->beyond = s <= R(0) || s >= course->curve.length ? follower->seen_along : R(0);
@@ -83,7 +83,7 @@ SHARED static void take(sf_course *course, sf_real s) {
 
 void sf_locate(sf_course *course, const sf_pose *pose) {
     sf_follower *follower = &course->follower;
-    sf_real s = follower->s, began = s, x = pose->x, y = pose->y, heading = pose->heading;
+    sf_real x = pose->x, y = pose->y, heading = pose->heading, began = follower->s, before;
     if (follower->still && x == follower->pose.x && y == follower->pose.y &&
         heading == follower->pose.heading)
         return;
@@ -94,15 +94,15 @@ void sf_locate(sf_course *course, const sf_pose *pose) {
         return;
     }
     follower->pose = *pose;
-    sf_real before;
     int tries = 4;
     do {
-        see(course, before = s, pose);
-        s += sf_clamp(follower->seen_along, -LONGEST_STEP, LONGEST_STEP);
-        s = sf_on_curve(&course->curve, s);
-    } while (--tries > 0 && !(sf_abs(s - before) < CLOSE_ENOUGH));
-    take(course, s);
-    follower->still = sf_abs(s - began) < STILL;
+        before = follower->s;
+        see(course, before, pose);
+        sf_real step = sf_clamp(follower->seen_along, -LONGEST_STEP, LONGEST_STEP);
+        follower->s = sf_on_curve(&course->curve, before + step);
+    } while (--tries > 0 && !(sf_abs(follower->s - before) < CLOSE_ENOUGH));
+    take(course);
+    follower->still = sf_abs(follower->s - began) < STILL;
 }
 
 sf_real sf_away_from(sf_course *course, sf_real s) {
@@ -127,7 +127,7 @@ void sf_find(sf_course *course) {
     sf_real s = follower->s, step = SEARCH_STEP;
     if (!follower->located) return;
     see(course, s, &follower->pose);
-    take(course, s);
+    take(course);
     sf_real off = follower->off, lateral = follower->lateral;
     if (off * off <= lateral * lateral + BESIDE * BESIDE) return;
     sf_real place = sf_on_curve(&course->curve, s - SEARCH_WAY);
@@ -138,7 +138,7 @@ void sf_find(sf_course *course) {
         if (!nearer(course, follower->s - step)) nearer(course, follower->s + step);
     }
     see(course, follower->s, &follower->pose);
-    take(course, follower->s);
+    take(course);
 }
 
 /* The offset in a report; all zeros for a robot that is far away. */
