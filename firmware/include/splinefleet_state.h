@@ -78,7 +78,7 @@ typedef struct {
 } sf_curve;
 
 typedef struct {
-    sf_real length, finish, most_v;
+    sf_real length, finish, most_v, v;
     const sf_knot *leg; /* where the robot was last */
     sf_knot *next;      /* the leg to be added; behind the last one */
     sf_knot *end;       /* of the knots */

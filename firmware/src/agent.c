@@ -44,7 +44,7 @@ static bool before_motion(const sf_agent *agent) {
     return agent->phase == SF_IDLE || agent->phase == SF_ARMED;
 }
 
-SHARED static bool knows_time(const sf_agent *agent, const sf_course *ride) {
+static bool knows_time(const sf_agent *agent, const sf_course *ride) {
     return sf_clock_within(&agent->clock, ride->clock_ms);
 }
 
@@ -245,17 +245,21 @@ SHARED static int64_t since_start_ns(const sf_agent *agent) {
     return sf_difference(time_ns, agent->start_ns);
 }
 
-/* The plan time that it is now; without a known time, `passed` after the one driven by last. */
-static sf_real plan_time(const sf_agent *agent, const sf_course *ride, sf_real passed) {
-    if (!knows_time(agent, ride)) return ride->time + passed;
+/* The plan time that it is now, for a robot that knows the time. */
+SHARED static sf_real time_now(const sf_agent *agent, const sf_course *ride) {
     return sf_seconds_of_ns(sf_difference(since_start_ns(agent), ride->origin_ms * MILLISECOND));
 }
 
 int64_t sf_plan_time_ms(const sf_agent *agent, const sf_course *ride) {
-#ifndef SF_DOUBLE
-    if (knows_time(agent, ride)) return since_start_ns(agent) / MILLISECOND;
+    sf_real time = ride->time;
+    if (knows_time(agent, ride)) {
+#ifdef SF_DOUBLE
+        time = time_now(agent, ride);
+#else
+        return since_start_ns(agent) / MILLISECOND;
 #endif
-    return ride->origin_ms + sf_whole(R(1000) * plan_time(agent, ride, R(0)));
+    }
+    return ride->origin_ms + sf_whole(R(1000) * time);
 }
 
 static void try_to_arm(sf_agent *agent, sf_course *ride) {
@@ -273,7 +277,7 @@ static void drive(sf_agent *agent, sf_course *ride) {
     if (agent->phase == SF_MOVING) {
         sf_turn_before_start(ride, &agent->pose);
         agent->drive_turn = ride->turn;
-        sf_real now = plan_time(agent, ride, agent->passed);
+        sf_real now = knows_time(agent, ride) ? time_now(agent, ride) : ride->time + agent->passed;
         uint8_t fault = sf_trouble(ride);
         if (fault != SF_NO_FAULT) fail(agent, fault);
         else if (sf_arrived(ride)) apply(agent, ARRIVED);
@@ -308,11 +312,12 @@ static sf_course *on_course(sf_agent *agent) {
     sf_locate(ride, &agent->pose);
     if (stands) {
         over = sf_rests_where(ride, coming) &&
-               (!knows_time(agent, coming) || plan_time(agent, coming, R(0)) >= coming->begin);
+               (!knows_time(agent, coming) || time_now(agent, coming) >= coming->begin);
     } else {
-        sf_real now = plan_time(agent, ride, R(0));
+        sf_real now = ride->time;
         /* At its goal no plan time passes for a robot that does not know the time. */
-        if (agent->phase == SF_DONE && !knows_time(agent, ride)) now = SF_INF;
+        if (knows_time(agent, ride)) now = time_now(agent, ride);
+        else if (agent->phase == SF_DONE) now = SF_INF;
         over = sf_is_over(ride, coming, now);
     }
     return over ? change(agent) : ride;
@@ -338,7 +343,7 @@ void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real head
     agent->clock.now_ns = agent->ticked_ns = now_ns;
     bool late = passed_ns > LATE_TICK && passed_ns > 2 * ROBOT(agent)->period_ns;
     if (late) sf_clock_doubt(&agent->clock); /* It hung. */
-    agent->passed = sf_clamp(sf_seconds_of_ns(passed_ns), R(0), HOLD_OUT);
+    agent->passed = sf_least(sf_positive(sf_seconds_of_ns(passed_ns)), HOLD_OUT);
     agent->has_pose = x == x;
     agent->pose = (sf_pose){x, y, heading};
     if (!agent->has_pose) sf_clear(&agent->pose, sizeof agent->pose);

@@ -86,13 +86,10 @@ bool sf_measure_cell(sf_plan *plan, sf_curve *curve); /* false once the curve is
 void sf_curve_place(sf_curve *curve, sf_real s);
 
 /* timeline.c */
-typedef struct {
-    sf_real s, v;
-} sf_motion;
 
 sf_real sf_slope(const sf_knot *leg); /* how the square of the speed grows, by arc length */
 bool sf_timeline_leg(sf_timeline *line); /* adds the leg to the next knot, from `finish` on */
-sf_motion sf_planned(sf_timeline *line, sf_real time);
+sf_real sf_s_at(sf_timeline *line, sf_real time); /* and the speed there, to line->v */
 sf_real sf_time_at(const sf_timeline *line, sf_real s);
 sf_real sf_rest_until(sf_timeline *line, sf_real time);
 
@@ -170,7 +167,7 @@ bool sf_hear_command(sf_agent *agent, const sf_command *command);
 void sf_hear_clock(sf_agent *agent, const sf_answer *answer);
 bool sf_takes_plan(sf_agent *agent, sf_plan *plan);
 void sf_plan_taken(sf_agent *agent, sf_course *course, bool valid);
-int64_t sf_plan_time_ms(const sf_agent *agent, const sf_course *ride); /* now */
+int64_t sf_plan_time_ms(const sf_agent *agent, const sf_course *ride); /* now, or driven by last */
 static inline bool sf_is_on_its_way(const sf_agent *agent) {
     return agent->phase == SF_MOVING || agent->phase == SF_BRAKING;
 }
@@ -181,7 +178,8 @@ void sf_read_plan(sf_agent *agent, int work); /* goes on with the Plan that is b
 
 /* reader.c */
 typedef struct {
-    const uint8_t *at, *end;
+    const uint8_t *at, *end, *content; /* content: the bytes or text that were read last */
+    uint32_t length;
     uint32_t left; /* elements of the present array that have not been read */
     uint8_t type;
     bool bad;
@@ -198,10 +196,10 @@ int sf_open(sf_reader *reader, const uint8_t *bytes, size_t length); /* the mess
 int64_t sf_get_int(sf_reader *reader);
 const sf_field *sf_get_fields(sf_reader *reader, void *into, const sf_field *fields);
 uint32_t sf_get_array(sf_reader *reader);
-const uint8_t *sf_get_bytes(sf_reader *reader, uint32_t *length);
-const uint8_t *sf_get_text(sf_reader *reader, uint32_t *length);
+void sf_get_bytes(sf_reader *reader); /* to reader->content */
+void sf_get_text(sf_reader *reader);
 bool sf_close(sf_reader *reader); /* skips further fields; whether all was well */
-bool sf_is_id(const uint8_t *text, uint32_t length);
-bool sf_is_named(const char *id, const uint8_t *text, uint32_t length); /* whether it is this id */
+bool sf_is_id(const sf_reader *reader); /* whether the text is one */
+bool sf_is_named(const sf_reader *reader, const char *id); /* whether it is this one */
 
 #endif

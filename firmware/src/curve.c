@@ -18,7 +18,7 @@ static const sf_real GAUSS[5][2] = {
 
 /* Expand one axis of the span that begins at a knot in powers of u minus that: De Boor's algorithm on
    polynomials instead of numbers. */
-SHARED static void expand(const sf_curve *curve, int axis, const sf_real *knot, sf_real *powers) {
+static void expand(const sf_curve *curve, int axis, const sf_real *knot, sf_real *powers) {
     int degree = curve->degree, first = (int)(knot - curve->knots) - degree;
     sf_real rows[SF_DEGREE + 1][SF_DEGREE + 1];
     for (int i = 0; i <= degree; i++) rows[i][0] = curve->points[axis][first + i];
@@ -60,6 +60,12 @@ static sf_piece *piece_at(sf_curve *curve, sf_real u) {
 /* The value of a polynomial at t, and its derivative, by Horner's rule. */
 static sf_real value_at(const sf_real *power, sf_real t, const sf_real *first, sf_real *slope) {
     sf_real value = *power, rate = value;
+    if (power == first + 3) { /* As nearly always: the same, without a loop. */
+        sf_real cubic = value * t, square = cubic + power[-1];
+        value = square * t + power[-2];
+        *slope = (cubic + square) * t + value;
+        return value * t + *first;
+    }
     while (--power > first) {
         value = value * t + *power;
         rate = rate * t + value;

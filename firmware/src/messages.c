@@ -53,7 +53,7 @@ SHARED static uint32_t open_list(sf_reader *reader, uint32_t most, uint32_t *lef
 SHARED static bool hear_command(sf_agent *agent, sf_reader *reader) {
     sf_command command = {.last = UINT32_MAX};
     sf_granted *const end = command.granted + 2, *one;
-    uint32_t left, length;
+    uint32_t left;
     held pair;
     command.granted[0].number = agent->number;
     command.granted[1].number = agent->next_number;
@@ -69,9 +69,9 @@ SHARED static bool hear_command(sf_agent *agent, sf_reader *reader) {
     reader->left = left;
     fields = sf_get_fields(reader, &command, fields);
     for (uint32_t count = open_list(reader, MOST_WANTED, &left); count > 0; count--) {
-        const uint8_t *text = sf_get_text(reader, &length);
-        if (!sf_is_id(text, length)) return false;
-        if (sf_is_named(ROBOT(agent)->id, text, length)) command.wanted = true;
+        sf_get_text(reader);
+        if (!sf_is_id(reader)) return false;
+        if (sf_is_named(reader, ROBOT(agent)->id)) command.wanted = true;
     }
     reader->left = left;
     sf_get_fields(reader, &command, fields);
@@ -93,10 +93,10 @@ SHARED static bool hear_command(sf_agent *agent, sf_reader *reader) {
 }
 
 static bool hear_refusal(sf_agent *agent, sf_reader *reader) {
-    uint32_t length, characters = 0, boot = 0;
+    uint32_t characters = 0, boot = 0;
     sf_get_fields(reader, &boot, REFUSAL_FIELDS);
-    const uint8_t *reason = sf_get_text(reader, &length);
-    for (uint32_t i = 0; i < length; i++) characters += (reason[i] & 0xC0) != 0x80;
+    sf_get_text(reader);
+    for (uint32_t i = 0; i < reader->length; i++) characters += (reader->content[i] & 0xC0) != 0x80;
     if (characters > MOST_REASON || !sf_close(reader)) return false;
     if (boot == ROBOT(agent)->boot) agent->refused = true;
     return true;

@@ -51,25 +51,25 @@ static int64_t departure_ns(const uint8_t *stop) {
 /* Read the fields, and check what has to hold for the message to be acceptable. */
 static int read_fields(sf_plan *plan, const char *id) {
     sf_reader reader;
-    uint32_t length;
     sf_open(&reader, plan->bytes, plan->length);
     const sf_field *fields = sf_get_fields(&reader, plan, PLAN_FIELDS);
-    const uint8_t *robot = sf_get_text(&reader, &length);
-    if (length == 0 || !sf_is_named(id, robot, length)) return FAILED;
+    sf_get_text(&reader);
+    if (!sf_is_named(&reader, id)) return FAILED;
     sf_get_fields(&reader, plan, fields);
     if (plan->tau_ns < 0 || plan->tau_ns > 1000 * SECOND || plan->clock_ms < 1) return FAILED;
     if (plan->degree < 1 || plan->degree > SF_DEGREE) return FAILED;
     for (int field = 0; field < FIELDS_PACKED; field++) {
         unsigned size = SIZES[field][0];
-        plan->packed[field] = sf_get_bytes(&reader, &length);
-        if (length > MOST_PACKED || length % size) return FAILED;
-        plan->counts[field] = (uint16_t)(length / size);
+        sf_get_bytes(&reader);
+        if (reader.length > MOST_PACKED || reader.length % size) return FAILED;
+        plan->packed[field] = reader.content;
+        plan->counts[field] = (uint16_t)(reader.length / size);
     }
     return sf_close(&reader) ? NEXT : FAILED;
 }
 
 /* CRC-32 (reflected polynomial 0xEDB88320), half a byte at a time. */
-SHARED static int check_sum(sf_plan *plan) {
+static int check_sum(sf_plan *plan) {
     static const uint32_t TABLE[16] = {
         0x00000000, 0x1DB71064, 0x3B6E20C8, 0x26D930AC, 0x76DC4190, 0x6B6B51F4,
         0x4DB26158, 0x5005713C, 0xEDB88320, 0xF00F9344, 0xD6D6A3E8, 0xCB61B38C,
@@ -92,7 +92,7 @@ SHARED static int check_sum(sf_plan *plan) {
 }
 
 /* Check the next numbers of the packed fields, `at` bytes into field `stop`. */
-SHARED static int check_numbers(sf_plan *plan) {
+static int check_numbers(sf_plan *plan) {
     unsigned field = plan->stop, at = plan->at, end = plan->counts[field] * SIZES[field][0];
     const uint8_t *packed = plan->packed[field];
     for (int i = 0; at < end; i++, at += SIZES[field][1]) {
@@ -129,7 +129,7 @@ static bool fits(const sf_plan *plan) {
 }
 
 /* Read one more knot and control point. */
-SHARED static int read_curve(sf_plan *plan, sf_curve *curve) {
+static int read_curve(sf_plan *plan, sf_curve *curve) {
     unsigned i = plan->at++, degree = plan->degree, last = plan->counts[KNOTS] - 1u;
     if (i == 0 && !fits(plan)) return FAILED;
     unsigned knot = i - degree - 1;
@@ -176,7 +176,7 @@ static int read_stop(sf_plan *plan, sf_timeline *line) {
 }
 
 /* Add the legs up to the next speed knot, with the stops between. */
-SHARED static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
+static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
     const sf_knot *leg = line->next;
     line->length = leg->s;
     line->most_v = sf_most(line->most_v, leg->v);

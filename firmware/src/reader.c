@@ -104,21 +104,16 @@ const sf_field *sf_get_fields(sf_reader *reader, void *into, const sf_field *fie
     return field + 1;
 }
 
-SHARED static const uint8_t *content(sf_reader *reader, int type, uint32_t *length) {
+SHARED static void get_content(sf_reader *reader, int type) {
     uint32_t size = (uint32_t)element(reader, type);
-    const uint8_t *at = reader->at;
+    reader->content = reader->at;
     pass(reader, size);
-    *length = reader->bad ? 0 : size;
-    return at;
+    reader->length = reader->bad ? 0 : size;
 }
 
-const uint8_t *sf_get_bytes(sf_reader *reader, uint32_t *length) {
-    return content(reader, BYTES, length);
-}
+void sf_get_bytes(sf_reader *reader) { get_content(reader, BYTES); }
 
-const uint8_t *sf_get_text(sf_reader *reader, uint32_t *length) {
-    return content(reader, TEXT, length);
-}
+void sf_get_text(sf_reader *reader) { get_content(reader, TEXT); }
 
 bool sf_close(sf_reader *reader) {
     for (uint64_t left = reader->left; left > 0 && !reader->bad; left--) {
@@ -134,16 +129,19 @@ bool sf_close(sf_reader *reader) {
     return !reader->bad && reader->at == reader->end;
 }
 
-bool sf_is_id(const uint8_t *text, uint32_t length) {
+bool sf_is_id(const sf_reader *reader) {
     static const uint32_t ALLOWED[4] = {0, 0x03FF6000, 0x87FFFFFE, 0x07FFFFFE}; /* - . 0-9 A-Z _ a-z */
+    const uint8_t *text = reader->content;
+    uint32_t length = reader->length;
     if (length < 1 || length > 32) return false;
     for (; length > 0; length--, text++)
         if (*text >= 128 || !(ALLOWED[*text / 32] >> *text % 32 & 1)) return false;
     return true;
 }
 
-bool sf_is_named(const char *id, const uint8_t *text, uint32_t length) {
-    for (; length > 0; length--)
+bool sf_is_named(const sf_reader *reader, const char *id) {
+    const uint8_t *text = reader->content;
+    for (uint32_t length = reader->length; length > 0; length--)
         if (*id++ != (char)*text++) return false;
     return *id == 0;
 }

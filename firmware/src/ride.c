@@ -48,7 +48,7 @@ static sf_real as_of(const sf_course *other, const sf_course *course, sf_real ti
 }
 
 /* When a course begins, as another one counts it. */
-SHARED static sf_real begin_of(const sf_course *coming, const sf_course *course) {
+static sf_real begin_of(const sf_course *coming, const sf_course *course) {
     return sf_time_of_ms(course, coming->begin_ms);
 }
 
@@ -59,11 +59,11 @@ SHARED static sf_real told(const sf_course *of, const sf_course *course) {
 
 /* Where the plan has the robot at a time. */
 SHARED static sf_real planned_s(sf_course *course, sf_real time) {
-    return sf_planned(&course->timeline, time).s;
+    return sf_s_at(&course->timeline, time);
 }
 
 /* How far it is from the robot to where the plan has it at a time. */
-SHARED static sf_real room(sf_course *course, sf_real time) {
+static sf_real room(sf_course *course, sf_real time) {
     return planned_s(course, time) - course->follower.s;
 }
 
@@ -74,7 +74,7 @@ SHARED static bool lasts(const sf_course *course, int what) {
 
 static bool is_stuck(const sf_course *course) { return lasts(course, SF_STUCK); }
 
-SHARED static void limit_authority(sf_course *course) {
+static void limit_authority(sf_course *course) {
     course->authority = sf_least(told(course, course), course->rests);
     course->granted = planned_s(course, course->authority);
 }
@@ -99,7 +99,8 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
         course->catch_up = sf_clamp(QUICK_CATCH_UP_SHARE / period, CATCH_UP_RATE, QUICK_CATCH_UP_RATE);
     }
     /* A robot that starts and stops at once may rest where a course begins with any speed. */
-    course->from_rest = course->at_once || sf_planned(line, course->begin).v == R(0);
+    sf_s_at(line, course->begin);
+    course->from_rest = course->at_once || line->v == R(0);
     course->slack = sf_most(ARRIVAL_SLACK, LATE_SHARE * course->track);
     course->limit = max_speed > R(0) ? max_speed : SPARE_SPEED * line->most_v;
     course->since[SF_BRAKES] = course->stuck_s = course->since[SF_PACED] = -SF_INF;
@@ -124,14 +125,13 @@ bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
     sf_real begin = begin_of(coming, course), time = begin;
     sf_real reported = sf_time_of_ms(course, course->stamp_ms - (int64_t)LATE_STEP_MS * course->late);
     if (!rests) time = sf_most(sf_most(begin, course->time), reported);
-    sf_motion mine = sf_planned(line, time);
-    sf_motion other = sf_planned(&coming->timeline, as_of(coming, course, time));
-    sf_apart joint = sf_joint(course, at_goal ? line->length : mine.s, coming, other.s);
+    sf_real s = planned_s(course, time), there = planned_s(coming, as_of(coming, course, time));
+    sf_apart joint = sf_joint(course, at_goal ? line->length : s, coming, there);
     if (joint.off > JOINT_GAP) return false;
     if (rests && (at_goal || begin >= line->finish || told(course, course) <= begin)) return true;
     if (course->time > time || reported > time) return false;
-    if (rests && mine.v == R(0)) return true;
-    return sf_abs(mine.v - other.v) <= JOINT_SPEED && sf_abs(joint.turn) <= JOINT_TURN;
+    if (rests && line->v == R(0)) return true;
+    return sf_abs(line->v - coming->timeline.v) <= JOINT_SPEED && sf_abs(joint.turn) <= JOINT_TURN;
 }
 
 bool sf_rests_where(const sf_course *course, sf_course *coming) {
@@ -205,7 +205,7 @@ void sf_reckon(sf_course *course, int64_t now_ms) {
 }
 
 /* Whether the robot is more than GRACE behind a plan time. */
-SHARED static bool lags(sf_course *course, sf_real time) {
+static bool lags(sf_course *course, sf_real time) {
     return !(course->follower.s >= planned_s(course, time - GRACE) - bearable(course));
 }
 
@@ -263,8 +263,9 @@ SHARED static void pass_period(sf_course *course) {
 
 static void brake_on(sf_course *course) {
     sf_real passed = course->watch - course->since[SF_BRAKES];
-    sf_real fell = passed > R(0) ? course->brake * passed : R(0); /* The brake may be infinite. */
-    course->speed = sf_positive(course->brake_speed - fell);
+    course->speed = course->brake_speed;
+    if (passed > R(0)) /* The brake may be infinite. */
+        course->speed = sf_positive(course->speed - course->brake * passed);
     sf_real later = course->time + passed + HOLD_OUT;
     sf_real most = room(course, sf_least(later, course->authority));
     course->distance = sf_positive(sf_least(most, course->speed * HOLD_OUT));

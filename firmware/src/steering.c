@@ -77,7 +77,8 @@ SHARED static void take(sf_course *course) {
     sf_real s = follower->s;
     follower->off = follower->seen_off;
     follower->lateral = follower->seen_lateral;
-    follower->beyond = s <= R(0) || s >= course->curve.length ? follower->seen_along : R(0);
+    follower->beyond = R(0);
+    if (s <= R(0) || s >= course->curve.length) follower->beyond = follower->seen_along;
     follower->heading_error = turned_from_tangent(follower, follower->pose.heading);
 }
 

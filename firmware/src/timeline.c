@@ -5,7 +5,7 @@
 
 #include "core.h"
 
-sf_real sf_slope(const sf_knot *leg) {
+SHARED sf_real sf_slope(const sf_knot *leg) {
     return (leg[1].v * leg[1].v - leg->v * leg->v) / (leg[1].s - leg->s);
 }
 
@@ -30,13 +30,15 @@ SHARED static const sf_knot *find(sf_timeline *line, sf_real time) {
     return leg;
 }
 
-sf_motion sf_planned(sf_timeline *line, sf_real time) {
+sf_real sf_s_at(sf_timeline *line, sf_real time) {
     const sf_knot *leg = find(line, time);
     sf_real passed = time - leg->t0, v = leg->v;
-    if (time >= leg->t1) return (sf_motion){leg[1].s, R(0)};
-    if (passed < R(0)) return (sf_motion){leg->s, R(0)};
+    line->v = R(0);
+    if (time >= leg->t1) return leg[1].s;
+    if (passed < R(0)) return leg->s;
     sf_real rate = (leg[1].v - v) / (leg->t1 - leg->t0);
-    return (sf_motion){leg->s + passed * (v + R(0.5) * rate * passed), v + rate * passed};
+    line->v = v + rate * passed;
+    return leg->s + passed * (v + R(0.5) * rate * passed);
 }
 
 sf_real sf_time_at(const sf_timeline *line, sf_real s) {
