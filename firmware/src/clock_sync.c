@@ -94,8 +94,8 @@ void sf_clock_follow(sf_clock *clock, bool slewing) {
     int64_t passed = sf_difference(clock->now_ns, clock->followed_ns);
     clock->followed_ns = clock->now_ns;
     clock->slewing = slewing;
-    if (clock->good == 0) return;
     int64_t left = sf_difference(clock->middle_ns, clock->offset_ns);
+    if (left == 0 || clock->good == 0) return;
     if (slewing) {
         int64_t most = sf_floor_ratio(passed, SLEW_SHARE);
         if (left > most) left = most;

@@ -230,7 +230,7 @@ SHARED static int work_on(sf_agent *agent, sf_plan *plan, sf_course *course) {
 
 void sf_read_plan(sf_agent *agent, int work) {
     static const uint8_t WORK[] = {
-        [FIELDS] = 14, [CHECKSUM] = 18, [NUMBERS] = 6, [CURVE] = 2, [MEASURE] = 40,
+        [FIELDS] = 24, [CHECKSUM] = 18, [NUMBERS] = 6, [CURVE] = 2, [MEASURE] = 40,
         [SPEED_KNOTS] = 1, [STOPS] = 2, [LEGS] = 4, [CELLS] = 8, [RIDE] = 40, [TAKE] = 40,
     };
     sf_plan *plan = &agent->plan;

@@ -6,7 +6,7 @@
 
 #include "exchange.h"
 
-enum { LEAVES = 1, READS = 2, REFUSED = 4, HAS_START = 8 };
+enum { LEAVES = 1, READS = 2, REFUSED = 4 }; /* flags */
 
 typedef uintptr_t (*converter)(uintptr_t value, uintptr_t type);
 
