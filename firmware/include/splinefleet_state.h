@@ -98,8 +98,8 @@ typedef struct {
     sf_pose pose;
 } sf_follower;
 
-/* What a course's watch tells the age of: that it brakes, rests, is stuck, has this pace. */
-enum { SF_BRAKES, SF_RESTS, SF_STUCK, SF_PACED, SF_SINCE };
+/* What a course's watch tells the age of: that it brakes, has this pace, rests, is stuck. */
+enum { SF_BRAKES, SF_PACED, SF_RESTS, SF_STUCK, SF_SINCE };
 
 /* One course and the robot on it.  Times are seconds of plan time after origin_ms. */
 typedef struct {
@@ -110,8 +110,8 @@ typedef struct {
     int64_t told_ms;
     sf_real speed, curvature, distance, turn; /* the command */
     sf_real track, brake, period, catch_up, slack, limit, rate, reaction, foresight;
-    sf_real watch, since[SF_SINCE], pace, brake_speed, rest_x, rest_y, stuck_s, pace_s;
-    sf_real rests, authority, granted, time, begin, until;
+    sf_real watch, since[SF_SINCE], until, rests, pace, rest_x, rest_y, stuck_s, pace_s;
+    sf_real brake_speed, authority, granted, time, begin;
     sf_timeline timeline;
     sf_curve curve;
 } sf_course;

@@ -124,12 +124,14 @@ bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
     bool rests = coming->from_rest;
     sf_real begin = begin_of(coming, course), time = begin;
     sf_real reported = sf_time_of_ms(course, course->stamp_ms - (int64_t)LATE_STEP_MS * course->late);
+    bool ends = at_goal || begin >= line->finish || told(course, course) <= begin;
     if (!rests) time = sf_most(sf_most(begin, course->time), reported);
+    bool passed = course->time > time || reported > time;
     sf_real s = planned_s(course, time), there = planned_s(coming, as_of(coming, course, time));
     sf_apart joint = sf_joint(course, at_goal ? line->length : s, coming, there);
     if (joint.off > JOINT_GAP) return false;
-    if (rests && (at_goal || begin >= line->finish || told(course, course) <= begin)) return true;
-    if (course->time > time || reported > time) return false;
+    if (rests && ends) return true;
+    if (passed) return false;
     if (rests && line->v == R(0)) return true;
     return sf_abs(line->v - coming->timeline.v) <= JOINT_SPEED && sf_abs(joint.turn) <= JOINT_TURN;
 }
