@@ -6,7 +6,7 @@ is proven is what is driven.
 """
 
 from array import array
-from math import inf
+from math import inf, sqrt
 
 
 class Timeline:
@@ -44,7 +44,7 @@ class Timeline:
             slope = (end_v * end_v - v * v) / (end_s - s)
             while stop < len(stop_s) and stop_s[stop] < end_s:
                 if stop_s[stop] > s:
-                    next_v = max(v * v + slope * (stop_s[stop] - s), 0.0) ** 0.5
+                    next_v = sqrt(max(v * v + slope * (stop_s[stop] - s), 0.0))
                     time = self._add_leg(time, s, stop_s[stop], v, next_v)
                     s, v = stop_s[stop], next_v
                 self.arrivals.append(time)
@@ -82,7 +82,7 @@ class Timeline:
                 passed = max(s - self.s0[leg], 0.0)
                 v0, v1 = self.v0[leg], self.v1[leg]
                 slope = (v1 * v1 - v0 * v0) / (self.s1[leg] - self.s0[leg])
-                v = max(v0 * v0 + slope * passed, 0.0) ** 0.5
+                v = sqrt(max(v0 * v0 + slope * passed, 0.0))
                 return self.t0[leg] + (2.0 * passed / (v0 + v) if passed > 0.0 else 0.0)
         return self.finish
 

@@ -6,50 +6,36 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "splinefleet.h"
+#include "../../firmware/micropython/native/exchange.h"
 
 #include "code.h" /* static const uint8_t CODE[] */
 
 #define CPACR (*(volatile uint32_t *)0xE000ED88)
 #define ELSEWHERE 36
 
-typedef struct {
-    int64_t now_ns;
-    float x, y, heading, speed, curvature, distance, turn, place;
-    uint32_t kind, length, epoch, revision, holds;
-    uint8_t phase, fault, flags, unused;
-    uint8_t bytes[SF_LONGEST_SENT];
-} exchange;
-
-static struct {
-    sf_agent agent;
-    sf_robot robot;
-    char id[40];
-} memory;
-
+static memory shared;
 static exchange with;
 static uint8_t ram[sizeof CODE + ELSEWHERE] __attribute__((aligned(16)));
 
-enum { SIZE, BEGIN, HEAR, TICK, SPEAK, FAILED };
-
-static uintptr_t from_object(uintptr_t value, uintptr_t type) { return type == 2 ? value >> 1 : value; }
-static uintptr_t to_object(uintptr_t value, uintptr_t type) { return type == 2 ? value : 0; }
+static uintptr_t from_object(uintptr_t value, uintptr_t type) { return type == INT ? value >> 1 : value; }
+static uintptr_t to_object(uintptr_t value, uintptr_t type) { return type == INT ? value : 0; }
 
 static uintptr_t call(sf_agent *seen, int64_t now_ns, const void *plan, uintptr_t act) {
-    void *table[] = {0, 0, 0, (void *)from_object, (void *)to_object}, *constants[] = {table};
+    void *table[] = {[FROM_OBJECT] = (void *)from_object, [TO_OBJECT] = (void *)to_object};
+    void *constants[] = {table};
     void *module[] = {0, 0, 0, constants}, *function[] = {0, module};
-    uintptr_t given[] = {(uintptr_t)&memory, (uintptr_t)&with, (uintptr_t)plan, act << 1 | 1};
+    uintptr_t given[] = {(uintptr_t)&shared, (uintptr_t)&with, (uintptr_t)plan, act << 1 | 1};
     uintptr_t (*core)(void **, size_t, size_t, const uintptr_t *);
     core = (void *)((uintptr_t)(ram + ELSEWHERE) | 1);
     with.now_ns = now_ns;
     uintptr_t answer = core(function, 4, 0, given);
-    memcpy(seen, &memory.agent, sizeof *seen);
+    memcpy(seen, &shared.agent, sizeof *seen);
     return answer;
 }
 
 static void native_init(sf_agent *seen, const sf_robot *robot) {
     memcpy(ram + ELSEWHERE, CODE, sizeof CODE);
-    if (call(seen, 0, &with, SIZE) != sizeof memory) exit(3);
+    if (call(seen, 0, &with, SIZE) != sizeof shared) exit(3);
     with.speed = robot->speed_limit;
     with.kind = robot->boot;
     strcpy((char *)with.bytes, robot->id);

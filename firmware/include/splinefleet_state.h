@@ -41,10 +41,14 @@ typedef float sf_real;
 
 #define SF_DEGREE 7 /* the highest degree on the wire */
 #define SF_QUESTIONS 16 /* about the time, that may be open at once */
+#define SF_REPORTED 5 /* numbers whose change is reported at once */
 #define SF_LEGS (SF_SPEEDS + SF_STOPS)
 
+/* A point in homogeneous coordinates: x and y times the weight, the weight. */
+enum { SF_X, SF_Y, SF_WEIGHT, SF_AXES };
+
 typedef struct {
-    sf_real begin, end, x[SF_DEGREE + 1], y[SF_DEGREE + 1], w[SF_DEGREE + 1];
+    sf_real begin, end, powers[SF_AXES][SF_DEGREE + 1];
 } sf_piece;
 
 /* A place on the curve: parameter, arc length, and du/ds there. */
@@ -61,20 +65,20 @@ typedef struct {
 /* Small fields stand first in every struct, and arrays last: short offsets make short code. */
 
 typedef struct {
-    uint8_t degree, piece;
-    bool plain;
-    uint16_t count, span;
-    sf_real x, y, dx, dy, length;
+    uint8_t degree, axes; /* axes: without SF_WEIGHT for a cubic whose weights are all 1 */
+    uint16_t count;
+    sf_real at[SF_AXES], slope[SF_AXES], length; /* slope: of at, by the parameter */
     const sf_cell *cell; /* where the curve was evaluated last */
     sf_cell *last;       /* of the table: where the curve ends */
+    sf_piece *piece, *spare;
     sf_piece pieces[2];
     sf_real knots[SF_POINTS + SF_DEGREE + 1];
-    sf_real hx[SF_POINTS], hy[SF_POINTS], hw[SF_POINTS];
+    sf_real points[SF_AXES][SF_POINTS];
     sf_cell table[SF_CELLS + 1];
 } sf_curve;
 
 typedef struct {
-    sf_real length, finish, most_v;
+    sf_real length, finish, most_v, v;
     const sf_knot *leg; /* where the robot was last */
     sf_knot *next;      /* the leg to be added; behind the last one */
     sf_knot *end;       /* of the knots */
@@ -86,30 +90,42 @@ typedef struct {
 } sf_pose;
 
 typedef struct {
-    sf_real s, lateral, beyond, off, heading_error, tangent_s, tx, ty, still_at;
+    bool located; /* whether the last pose was one, and is in `pose` */
+    bool still;   /* whether s hardly changed then, and still holds */
+    sf_real s, tangent_s, tx, ty;
+    sf_real seen_off, seen_lateral, seen_along; /* a pose, from where the tangent is */
+    sf_real off, lateral, beyond, heading_error;
     sf_pose pose;
 } sf_follower;
 
+/* What a course's watch tells the age of: that it brakes, has this pace, rests, is stuck. */
+enum { SF_BRAKES, SF_PACED, SF_RESTS, SF_STUCK, SF_SINCE };
+
 /* One course and the robot on it.  Times are seconds of plan time after origin_ms. */
 typedef struct {
-    bool halted, holds, may_turn, turns, from_rest;
+    bool halted, holds, may_turn, turns, from_rest, at_once; /* at_once: it starts and stops so */
     uint16_t clock_ms, late;
+    sf_follower follower;
     int32_t begin_ms, origin_ms, stamp_ms;
     int64_t told_ms;
-    sf_follower follower;
-    sf_real track, speed, curvature, distance, brake, period, catch_up, slack, limit;
-    sf_real brake_speed, brake_from, rest_from, rest_x, rest_y, stuck_from, stuck_s;
-    sf_real pace, pace_time, pace_s, rests, authority, granted, watch, time, begin, until;
-    sf_real rate, reaction, foresight;
+    sf_real speed, curvature, distance, turn; /* the command */
+    sf_real track, brake, period, catch_up, slack, limit, rate, reaction, foresight;
+    sf_real watch, since[SF_SINCE], until, rests, pace, rest_x, rest_y, stuck_s, pace_s;
+    sf_real brake_speed, authority, granted, time, begin;
     sf_timeline timeline;
     sf_curve curve;
 } sf_course;
 
 typedef struct {
+    int64_t low_ns, high_ns;
+} sf_interval;
+
+typedef struct {
     uint8_t place; /* in open_ns, of the next question */
     bool slewing, compares;
     uint32_t good, asked, period_ns;
-    int64_t now_ns, offset_ns, low_ns, high_ns, at_ns, middle_ns, asked_ns, since_ns, followed_ns;
+    int64_t now_ns, offset_ns, at_ns, middle_ns, asked_ns, since_ns, followed_ns;
+    sf_interval interval;          /* where the offset lay at at_ns */
     int64_t open_ns[SF_QUESTIONS]; /* when open questions were asked; a ring */
 } sf_clock;
 
@@ -117,7 +133,7 @@ typedef struct {
     uint8_t phase;
     bool asks;         /* where this robot is */
     bool known, heard; /* who it is, and a Command from it */
-    uint32_t term, boot, sequence, epoch, run;
+    uint32_t boot, term, sequence, epoch, run;
     int64_t heard_ns;
 } sf_leader;
 
@@ -130,35 +146,34 @@ typedef struct {
 
 /* A Plan message that is being read. */
 typedef struct {
-    uint8_t stage, degree, course;
+    uint8_t stage, degree;
     bool next; /* of the epoch that the robot drives in */
-    uint16_t at, stop, span, parts, length, track_mm, clock_ms;
+    uint16_t at, stop, parts, length, track_mm, clock_ms;
+    uint16_t counts[6];
     int32_t begin_ms;
     uint32_t crc, epoch, boot, number, revision, brake_mmps2;
+    sf_course *course;
     const uint8_t *bytes;
+    const sf_real *knot; /* up to which the curve is measured now */
     int64_t tau_ns;
-    uint16_t counts[6];
     const uint8_t *packed[6]; /* points, knots, weights, speeds, profile, stops */
 } sf_plan;
 
 typedef struct {
-    sf_real drive_speed, drive_curvature, drive_distance, drive_turn;
     uint8_t phase, fault;
     bool finished, refused, has_pose;
-    uint8_t reported_phase, reported_fault;
-    bool report_rest;
+    sf_leader leader;
+    sf_rest rest;
     uint32_t epoch, number, revision, next_number, holds;
-    uint32_t reported_epoch, reported_revision, reported_holds;
-    int32_t report_stamp_ms;
-    uint32_t spent_epoch, report_sequence, report_late, hellos, newest_term, newest_boot;
     const void *robot; /* the sf_robot */
     sf_course *ride, *coming;
+    uint32_t spent_epoch, report_sequence, hellos, newest_term, newest_boot;
+    uint32_t reported[SF_REPORTED];
     sf_real unsure, passed;
+    sf_real drive_speed, drive_curvature, drive_distance, drive_turn;
     sf_pose pose;
     int64_t ticked_ns, start_ns, reported_ns, hello_ns;
     int64_t newest_sequence;
-    sf_rest rest;
-    sf_leader leader;
     sf_clock clock;
     sf_plan plan;
     sf_course courses[2];

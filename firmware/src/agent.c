@@ -44,14 +44,12 @@ static bool before_motion(const sf_agent *agent) {
     return agent->phase == SF_IDLE || agent->phase == SF_ARMED;
 }
 
-static bool on_its_way(uint8_t phase) { return phase == SF_MOVING || phase == SF_BRAKING; }
-
-SHARED static bool knows_time(const sf_agent *agent, const sf_course *ride) {
+static bool knows_time(const sf_agent *agent, const sf_course *ride) {
     return sf_clock_within(&agent->clock, ride->clock_ms);
 }
 
 /* Stand, and store the place of rest until the robot moves, even if the plan is dropped. */
-static void rest(sf_agent *agent, bool tell) {
+SHARED static void rest(sf_agent *agent, bool tell) {
     sf_rest *rest = &agent->rest;
     sf_stand(agent->ride);
     rest->epoch = agent->epoch;
@@ -65,28 +63,33 @@ static void rest(sf_agent *agent, bool tell) {
 static void apply(sf_agent *agent, int event) {
     uint8_t entry = TRANSITIONS[agent->phase][event];
     if (entry == 0) return;
-    uint8_t after = agent->phase = (uint8_t)(entry - 1);
-    if (event == NEW_EPOCH && after == SF_IDLE) {
+    agent->phase = (uint8_t)(entry - 1);
+    switch (agent->phase) {
+    case SF_IDLE:
+        if (event == NOT_READY) break;
         agent->ride = agent->coming = NULL;
         agent->epoch = 0;
         agent->fault = SF_NO_FAULT;
         agent->rest.tell = false;
         sf_clock_start_over(&agent->clock);
-    } else if (after == SF_BRAKING) {
-        sf_begin_to_brake(agent->ride);
-    } else if (after == SF_FROZEN || after == SF_DONE) {
-        rest(agent, after == SF_FROZEN);
-        if (after == SF_FROZEN) { /* Where a course begins that has not begun, it does not stand. */
-            agent->coming = NULL;
-            agent->holds = agent->revision;
-            agent->next_number = agent->number;
-        }
-    } else if (after == SF_MOVING) {
+        break;
+    case SF_MOVING:
         agent->fault = SF_NO_FAULT;
         agent->rest.epoch = 0;
         agent->rest.tell = false;
+        agent->spent_epoch = agent->epoch;
+        break;
+    case SF_BRAKING: sf_begin_to_brake(agent->ride); break;
+    case SF_FROZEN: /* Where a course begins that has not begun, it does not stand. */
+        rest(agent, true);
+        agent->coming = NULL;
+        agent->holds = agent->revision;
+        agent->next_number = agent->number;
+        agent->spent_epoch = agent->epoch;
+        break;
+    case SF_DONE: rest(agent, false); break;
+    default: break;
     }
-    if (after == SF_MOVING || after == SF_FROZEN) agent->spent_epoch = agent->epoch;
 }
 
 /* Brake, and record the fault if none is recorded yet; at the goal the only one is OFF_PATH. */
@@ -113,11 +116,11 @@ static bool is_silent(const sf_leader *leader, int64_t now_ns, int64_t patience_
 /* Whether a Command is to be obeyed: the highest (term, boot) leads. */
 static bool counts(const sf_agent *agent, const sf_command *command) {
     const sf_leader *leader = &agent->leader;
-    uint32_t term = leader->term, boot = leader->boot;
+    uint64_t rank = (uint64_t)command->term << 32 | command->boot;
+    uint64_t leading = (uint64_t)leader->term << 32 | leader->boot;
     if (!before_motion(agent) && command->run != leader->run) return false;
-    if (!leader->heard) return true;
-    if (command->term == term && command->boot == boot) return command->sequence > leader->sequence;
-    if (command->term == term ? command->boot > boot : command->term > term) return true;
+    if (!leader->heard || rank > leading) return true;
+    if (rank == leading) return command->sequence > leader->sequence;
     return before_motion(agent) && is_silent(leader, agent->clock.now_ns, COORDINATOR_TIMEOUT);
 }
 
@@ -153,8 +156,8 @@ bool sf_hear_command(sf_agent *agent, const sf_command *command) {
     } else if (epoch == agent->epoch && agent->ride) {
         agent->ride->halted = phase == STOP;
         if (phase == GO) {
-            sf_grant(agent->ride, command->authority_ms[0]);
-            if (agent->coming) sf_grant(agent->coming, command->authority_ms[1]);
+            sf_grant(agent->ride, command->granted[0].authority_ms);
+            if (agent->coming) sf_grant(agent->coming, command->granted[1].authority_ms);
             agent->start_ns = command->start_ns;
             if (command->said_ns >= command->start_ns || knows_time(agent, agent->ride))
                 apply(agent, TOLD_TO_GO);
@@ -236,43 +239,45 @@ void sf_driver_failed(sf_agent *agent, int64_t now_ns) {
     fail(agent, SF_DRIVER_ERROR);
 }
 
-/* The plan time that it is now; without a known time, `passed` after the one driven by last. */
-static sf_real plan_time(const sf_agent *agent, const sf_course *ride, sf_real passed) {
-    if (!knows_time(agent, ride)) return ride->time + passed;
-    int64_t plan_ns = sf_difference(sf_sum(agent->clock.now_ns, agent->clock.offset_ns), agent->start_ns);
-    return sf_seconds_of_ns(sf_difference(plan_ns, ride->origin_ms * MILLISECOND));
+/* How long ago the plan started, for a robot that knows the time. */
+SHARED static int64_t since_start_ns(const sf_agent *agent) {
+    int64_t time_ns = sf_sum(agent->clock.now_ns, agent->clock.offset_ns);
+    return sf_difference(time_ns, agent->start_ns);
 }
 
-/* The same in whole ms after the plan's start. */
-static int64_t plan_time_ms(const sf_agent *agent, const sf_course *ride) {
-#ifndef SF_DOUBLE
+/* The plan time that it is now, for a robot that knows the time. */
+SHARED static sf_real time_now(const sf_agent *agent, const sf_course *ride) {
+    return sf_seconds_of_ns(sf_difference(since_start_ns(agent), ride->origin_ms * MILLISECOND));
+}
+
+int64_t sf_plan_time_ms(const sf_agent *agent, const sf_course *ride) {
+    sf_real time = ride->time;
     if (knows_time(agent, ride)) {
-        int64_t time_ns = sf_sum(agent->clock.now_ns, agent->clock.offset_ns);
-        return sf_difference(time_ns, agent->start_ns) / MILLISECOND;
-    }
+#ifdef SF_DOUBLE
+        time = time_now(agent, ride);
+#else
+        return since_start_ns(agent) / MILLISECOND;
 #endif
-    return ride->origin_ms + sf_whole(R(1000) * plan_time(agent, ride, R(0)));
+    }
+    return ride->origin_ms + sf_whole(R(1000) * time);
 }
 
 static void try_to_arm(sf_agent *agent, sf_course *ride) {
-    agent->fault = sf_fault_at_start(ride, &agent->pose, &agent->drive_turn);
-    if (agent->fault || agent->drive_turn != R(0)) return;
-    agent->unsure += agent->passed;
-    if (sf_clock_within(&agent->clock, ride->clock_ms - CLOCK_RESERVE_MS)) {
-        agent->unsure = R(0);
-        apply(agent, READY);
-    } else if (agent->unsure > CLOCK_PATIENCE) {
-        apply(agent, READY);
-    } else {
-        agent->fault = SF_CLOCK_UNSURE;
-    }
+    agent->fault = sf_fault_at_start(ride, &agent->pose);
+    agent->drive_turn = ride->turn;
+    if (agent->fault || ride->turns) return;
+    bool sure = sf_clock_within(&agent->clock, ride->clock_ms - CLOCK_RESERVE_MS);
+    agent->unsure = sure ? R(0) : agent->unsure + agent->passed;
+    if (sure || agent->unsure > CLOCK_PATIENCE) apply(agent, READY);
+    else agent->fault = SF_CLOCK_UNSURE;
 }
 
 static void drive(sf_agent *agent, sf_course *ride) {
     sf_locate(ride, &agent->pose);
     if (agent->phase == SF_MOVING) {
-        if (ride->may_turn) agent->drive_turn = sf_turn_before_start(ride, &agent->pose);
-        sf_real now = plan_time(agent, ride, agent->passed);
+        sf_turn_before_start(ride, &agent->pose);
+        agent->drive_turn = ride->turn;
+        sf_real now = knows_time(agent, ride) ? time_now(agent, ride) : ride->time + agent->passed;
         uint8_t fault = sf_trouble(ride);
         if (fault != SF_NO_FAULT) fail(agent, fault);
         else if (sf_arrived(ride)) apply(agent, ARRIVED);
@@ -302,20 +307,20 @@ static sf_course *change(sf_agent *agent) {
 /* The course to drive now: the newer one, once it has begun. */
 static sf_course *on_course(sf_agent *agent) {
     sf_course *ride = agent->ride, *coming = agent->coming;
-    if (agent->phase == SF_FROZEN) {
-        if (agent->leader.phase != GO) return ride;
-        sf_locate(ride, &agent->pose);
-        if (!sf_rests_where(ride, coming)) return ride;
-        bool begun = !knows_time(agent, coming) ||
-                     plan_time(agent, coming, R(0)) >= coming->begin;
-        return begun ? change(agent) : ride;
-    }
-    if (before_motion(agent)) return ride;
+    bool over, stands = agent->phase == SF_FROZEN;
+    if (before_motion(agent) || (stands && agent->leader.phase != GO)) return ride;
     sf_locate(ride, &agent->pose);
-    sf_real now = plan_time(agent, ride, R(0));
-    /* At its goal no plan time passes for a robot that does not know the time. */
-    if (agent->phase == SF_DONE && !knows_time(agent, ride)) now = SF_INF;
-    return sf_is_over(ride, coming, now) ? change(agent) : ride;
+    if (stands) {
+        over = sf_rests_where(ride, coming) &&
+               (!knows_time(agent, coming) || time_now(agent, coming) >= coming->begin);
+    } else {
+        sf_real now = ride->time;
+        /* At its goal no plan time passes for a robot that does not know the time. */
+        if (knows_time(agent, ride)) now = time_now(agent, ride);
+        else if (agent->phase == SF_DONE) now = SF_INF;
+        over = sf_is_over(ride, coming, now);
+    }
+    return over ? change(agent) : ride;
 }
 
 /* Decide what the robot does in its phase. */
@@ -325,7 +330,7 @@ static void decide(sf_agent *agent) {
     if (agent->coming) ride = on_course(agent);
     if (agent->phase == SF_IDLE) {
         try_to_arm(agent, ride);
-    } else if (on_its_way(agent->phase)) {
+    } else if (sf_is_on_its_way(agent)) {
         drive(agent, ride);
     } else if (agent->phase == SF_DONE) {
         sf_locate(ride, &agent->pose);
@@ -338,52 +343,14 @@ void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real head
     agent->clock.now_ns = agent->ticked_ns = now_ns;
     bool late = passed_ns > LATE_TICK && passed_ns > 2 * ROBOT(agent)->period_ns;
     if (late) sf_clock_doubt(&agent->clock); /* It hung. */
-    agent->passed = sf_clamp(sf_seconds_of_ns(passed_ns), R(0), HOLD_OUT);
+    agent->passed = sf_least(sf_positive(sf_seconds_of_ns(passed_ns)), HOLD_OUT);
     agent->has_pose = x == x;
     agent->pose = (sf_pose){x, y, heading};
     if (!agent->has_pose) sf_clear(&agent->pose, sizeof agent->pose);
-    sf_clock_follow(&agent->clock, on_its_way(agent->phase));
+    sf_clock_follow(&agent->clock, sf_is_on_its_way(agent));
     agent->drive_speed = agent->drive_curvature = agent->drive_distance = agent->drive_turn = R(0);
     if (agent->ride) decide(agent);
     sf_read_plan(agent, SF_WORK); /* Last, so that no tick takes a course and changes to it. */
-}
-
-bool sf_report_due(sf_agent *agent) {
-    bool same = agent->reported_epoch == agent->epoch && agent->reported_phase == agent->phase &&
-                agent->reported_fault == agent->fault &&
-                agent->reported_revision == agent->revision && agent->reported_holds == agent->holds;
-    if (sf_difference(agent->clock.now_ns, agent->reported_ns) < REPORT_PERIOD && same) return false;
-    agent->reported_epoch = agent->epoch;
-    agent->reported_phase = agent->phase;
-    agent->reported_fault = agent->fault;
-    agent->reported_revision = agent->revision;
-    agent->reported_holds = agent->holds;
-    agent->reported_ns = agent->clock.now_ns;
-    agent->report_sequence++;
-    agent->report_rest = agent->rest.tell && agent->rest.epoch > 0;
-    agent->rest.tell = false;
-    agent->report_stamp_ms = SF_NO_STAMP;
-    agent->report_late = 0;
-    sf_course *ride = agent->ride;
-    if (ride && (agent->phase == SF_MOVING || agent->phase == SF_DONE)) {
-        sf_reckon(ride, plan_time_ms(agent, ride));
-        agent->report_stamp_ms = ride->stamp_ms;
-        if (agent->phase == SF_MOVING) agent->report_late = ride->late;
-    }
-    return true;
-}
-
-bool sf_hello_due(sf_agent *agent) {
-    if (agent->ride || sf_difference(agent->clock.now_ns, agent->hello_ns) < HELLO_PERIOD) return false;
-    agent->hello_ns = agent->clock.now_ns;
-    agent->hellos++;
-    return true;
-}
-
-bool sf_clock_due(sf_agent *agent) {
-    int error_ms = agent->ride ? agent->ride->clock_ms : CLOCK_ERROR_MS;
-    bool moving = on_its_way(agent->phase);
-    return sf_clock_asks(&agent->clock, error_ms - CLOCK_RESERVE_MS, moving);
 }
 
 bool sf_may_leave(const sf_agent *agent, int64_t now_ns) {
@@ -392,13 +359,8 @@ bool sf_may_leave(const sf_agent *agent, int64_t now_ns) {
 }
 
 bool sf_start_pose(sf_agent *agent, sf_real *x, sf_real *y, sf_real *heading) {
-    if (!agent->ride) return false;
-    sf_pose pose;
-    sf_start_of(agent->ride, &pose);
-    *x = pose.x;
-    *y = pose.y;
-    *heading = pose.heading;
-    return true;
+    if (agent->ride) sf_start_of(agent->ride, x, y, heading);
+    return agent->ride;
 }
 
 sf_real sf_place_on_path(const sf_agent *agent) { return agent->ride ? agent->ride->follower.s : R(0); }

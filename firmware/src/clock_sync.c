@@ -13,7 +13,18 @@
 #define MOST_ASKED (CLOCK_SAMPLES * (CLOCK_PERIOD / CLOCK_PERIOD_FAST - 1))
 #define CLOSED INT64_MIN /* no message can name this time */
 
-SHARED static int64_t drift(int64_t passed_ns) { return 1 + sf_floor_ratio(passed_ns, 1000000 / DRIFT_PPM); }
+/* Let an interval grow on either side by what clocks drift apart in a time. */
+SHARED static void widen(sf_interval *interval, int64_t passed_ns) {
+    int64_t error = 1 + sf_floor_ratio(passed_ns, 1000000 / DRIFT_PPM);
+    interval->low_ns = sf_difference(interval->low_ns, error);
+    interval->high_ns = sf_sum(interval->high_ns, error);
+}
+
+/* Where the offset may lie now. */
+SHARED static void aged(const sf_clock *clock, sf_interval *interval) {
+    *interval = clock->interval;
+    widen(interval, sf_difference(clock->now_ns, clock->at_ns));
+}
 
 static int64_t middle(int64_t low, int64_t high) { return (low >> 1) + (high >> 1) + (low & high & 1); }
 
@@ -32,8 +43,7 @@ SHARED static void doubt(sf_clock *clock) {
 }
 
 void sf_clock_begin(sf_clock *clock) {
-    clock->low_ns = -SF_UNKNOWN;
-    clock->high_ns = SF_UNKNOWN;
+    clock->interval = (sf_interval){-SF_UNKNOWN, SF_UNKNOWN};
     for (int i = 0; i < SF_QUESTIONS; i++) clock->open_ns[i] = CLOSED;
     clock->now_ns = -SF_UNKNOWN;
     doubt(clock);
@@ -50,11 +60,6 @@ void sf_clock_doubt(sf_clock *clock) {
     clock->compares = true;
 }
 
-/* How much wider than when it was made the interval is now, on either side. */
-SHARED static int64_t aged(const sf_clock *clock) {
-    return drift(sf_difference(clock->now_ns, clock->at_ns));
-}
-
 bool sf_clock_add(sf_clock *clock, const sf_answer *answer) {
     int64_t sent = answer->sent_ns, received = answer->received_ns, answered = answer->answered_ns;
     int64_t *open = question(clock, sent);
@@ -62,21 +67,17 @@ bool sf_clock_add(sf_clock *clock, const sf_answer *answer) {
     *open = CLOSED;
     int64_t passed = sf_difference(clock->now_ns, sent);
     if (passed < 0 || passed > LONGEST_DELAY) return true;
-    int64_t error = drift(passed), old_error = aged(clock);
-    int64_t low = sf_difference(sf_difference(answered, clock->now_ns), error);
-    int64_t high = sf_sum(sf_difference(received, sent), error);
-    int64_t old_low = sf_difference(clock->low_ns, old_error);
-    int64_t old_high = sf_sum(clock->high_ns, old_error);
-    bool known = clock->good > 0 || clock->compares;
-    if (low > high || (known && (low > old_high || high < old_low))) return false;
-    if (clock->good > 0) {
-        if (old_low > low) low = old_low;
-        if (old_high < high) high = old_high;
-    }
-    clock->low_ns = low;
-    clock->high_ns = high;
+    sf_interval old, new = {sf_difference(answered, clock->now_ns), sf_difference(received, sent)};
+    const sf_interval *kept = clock->good > 0 ? &old : &new;
+    widen(&new, passed);
+    aged(clock, &old);
+    if (clock->good == 0 && !clock->compares) old = new;
+    if (old.low_ns < new.low_ns) old.low_ns = new.low_ns;
+    if (old.high_ns > new.high_ns) old.high_ns = new.high_ns;
+    if (old.low_ns > old.high_ns) return false;
+    clock->interval = *kept;
     clock->at_ns = clock->now_ns;
-    clock->middle_ns = middle(low, high);
+    clock->middle_ns = middle(kept->low_ns, kept->high_ns);
     clock->compares = false;
     if (clock->good < UINT32_MAX) clock->good++;
     if (!clock->slewing) clock->offset_ns = clock->middle_ns;
@@ -84,8 +85,9 @@ bool sf_clock_add(sf_clock *clock, const sf_answer *answer) {
 }
 
 bool sf_is_said_in_future(const sf_clock *clock, int64_t said_ns) {
-    return clock->good > 0 &&
-           sf_difference(said_ns, clock->now_ns) > sf_sum(clock->high_ns, aged(clock));
+    sf_interval now;
+    aged(clock, &now);
+    return clock->good > 0 && sf_difference(said_ns, clock->now_ns) > now.high_ns;
 }
 
 void sf_clock_follow(sf_clock *clock, bool slewing) {
@@ -94,11 +96,12 @@ void sf_clock_follow(sf_clock *clock, bool slewing) {
     clock->slewing = slewing;
     int64_t left = sf_difference(clock->middle_ns, clock->offset_ns);
     if (left == 0 || clock->good == 0) return;
-    int64_t most = slewing ? sf_floor_ratio(passed, SLEW_SHARE) : 0;
-    if (slewing && (left > most || left < -most))
-        clock->offset_ns = sf_sum(clock->offset_ns, left > 0 ? most : -most);
-    else
-        clock->offset_ns = clock->middle_ns;
+    if (slewing) {
+        int64_t most = sf_floor_ratio(passed, SLEW_SHARE);
+        if (left > most) left = most;
+        else if (left < -most) left = -most;
+    }
+    clock->offset_ns = sf_sum(clock->offset_ns, left);
 }
 
 bool sf_clock_asks(sf_clock *clock, int enough_ms, bool moving) {
@@ -113,8 +116,9 @@ bool sf_clock_asks(sf_clock *clock, int enough_ms, bool moving) {
 }
 
 bool sf_clock_within(const sf_clock *clock, int limit_ms) {
-    int64_t above = sf_difference(clock->high_ns, clock->offset_ns);
-    int64_t below = sf_difference(clock->offset_ns, clock->low_ns);
-    int64_t error = sf_sum(above > below ? above : below, aged(clock));
-    return clock->good > 0 && error <= limit_ms * MILLISECOND;
+    sf_interval now;
+    aged(clock, &now);
+    int64_t above = sf_difference(now.high_ns, clock->offset_ns);
+    int64_t below = sf_difference(clock->offset_ns, now.low_ns);
+    return clock->good > 0 && (above > below ? above : below) <= limit_ms * MILLISECOND;
 }

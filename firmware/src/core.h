@@ -17,9 +17,11 @@ float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float)
 #define SF_COS SF_NAME(cos)
 #define SF_ATAN2 SF_NAME(atan2)
 #if defined(__GNUC__) /* One instruction each, which a freestanding compiler does not know. */
+#define SF_INF ((sf_real)__builtin_inff())
 #define sf_abs SF_NAME(__builtin_fabs)
 #define SF_SQRT SF_NAME(__builtin_sqrt)
 #else
+#define SF_INF ((sf_real)(1.0f / 0.0f))
 #define sf_abs SF_NAME(fabs)
 #define SF_SQRT SF_NAME(sqrt)
 #endif
@@ -32,13 +34,11 @@ float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float)
 #endif
 
 #define R(number) ((sf_real)(number))
-#define SF_INF ((sf_real)(1.0f / 0.0f))
 
 #define MILLISECOND ((int64_t)1000000)
 #define SECOND ((int64_t)1000000000)
 #define COMMAND_PERIOD (100 * MILLISECOND)
-#define REPORT_PERIOD (200 * MILLISECOND)
-#define HELLO_PERIOD (200 * MILLISECOND)
+#define SEND_PERIOD (200 * MILLISECOND) /* of Reports, and of Hellos */
 #define COORDINATOR_TIMEOUT (2 * SECOND)
 #define LEAVE_TIMEOUT (10 * SECOND)
 #define CLOCK_ERROR_MS 10
@@ -62,45 +62,51 @@ typedef int32_t sf_int; /* Conversions to 64 bits take double arithmetic in some
 #define SF_NO_STAMP INT32_MIN
 
 enum { HOLD, GO, FREEZE, OVER, STOP }; /* the phase in a Command */
-enum { HELLO = 1, PLAN, COMMAND, REPORT, CLOCK, REFUSAL }; /* tags */
+enum { HELLO = SF_HELLO, PLAN, COMMAND, REPORT, CLOCK, REFUSAL }; /* tags, mostly as their keys */
 
 /* numbers.c */
 sf_real sf_least(sf_real a, sf_real b);
 sf_real sf_most(sf_real a, sf_real b);
 sf_real sf_positive(sf_real value); /* or 0 */
+static inline sf_real sf_length(sf_real x, sf_real y) { return SF_SQRT(x * x + y * y); }
 sf_real sf_clamp(sf_real value, sf_real low, sf_real high);
 int64_t sf_sum(int64_t a, int64_t b);        /* saturates */
 int64_t sf_difference(int64_t a, int64_t b); /* saturates */
 int64_t sf_floor_ratio(int64_t a, int64_t b);
 sf_int sf_whole(sf_real value);   /* towards 0; saturates */
 sf_int sf_floor(sf_real value);   /* saturates */
-sf_int sf_nearest(sf_real value); /* half to even */
+sf_int sf_milli(sf_real value); /* thousandths, half to even */
 sf_real sf_seconds_of_ns(int64_t ns);
 void sf_clear(void *memory, size_t bytes);
 
 /* curve.c */
-bool sf_curve_begin(sf_plan *plan, sf_curve *curve); /* checks degree, count, knots, hw */
+bool sf_curve_begin(sf_plan *plan, sf_curve *curve); /* of clamped knots; checks these and weights */
 sf_real sf_on_curve(const sf_curve *curve, sf_real s); /* s, limited to the curve's length */
 bool sf_measure_cell(sf_plan *plan, sf_curve *curve); /* false once the curve is measured */
 void sf_curve_place(sf_curve *curve, sf_real s);
 
 /* timeline.c */
-bool sf_timeline_leg(sf_timeline *line, sf_real time); /* adds the leg to the next knot */
-sf_real sf_s_at(sf_timeline *line, sf_real time);
-sf_real sf_v_at(sf_timeline *line, sf_real time);
+
+sf_real sf_slope(const sf_knot *leg); /* how the square of the speed grows, by arc length */
+bool sf_timeline_leg(sf_timeline *line); /* adds the leg to the next knot, from `finish` on */
+sf_real sf_s_at(sf_timeline *line, sf_real time); /* and the speed there, to line->v */
 sf_real sf_time_at(const sf_timeline *line, sf_real s);
 sf_real sf_rest_until(sf_timeline *line, sf_real time);
 
+/* How far two places are from each other, and by what angle directions differ there. */
+typedef struct {
+    sf_real off, turn;
+} sf_apart;
+
 /* steering.c: the curve of a follower is that of its course */
-void sf_follower_begin(sf_follower *follower);
-void sf_start_of(sf_course *course, sf_pose *pose);
-sf_real sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there, sf_real *turn);
-sf_real sf_turn_at_start(sf_course *course, const sf_pose *pose, sf_real *turn);
+void sf_start_of(sf_course *course, sf_real *x, sf_real *y, sf_real *heading);
+sf_apart sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there);
+sf_apart sf_start_from(sf_course *course, const sf_pose *pose); /* the turn that is needed */
 void sf_locate(sf_course *course, const sf_pose *pose);
 void sf_find(sf_course *course);
 sf_real sf_away_from(sf_course *course, sf_real s);
 void sf_offset(const sf_follower *follower, sf_rest *rest);
-sf_real sf_curvature(sf_course *course, sf_real travel);
+void sf_steer(sf_course *course); /* the curvature, for the speed */
 
 /* ride.c */
 bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf_real period);
@@ -111,9 +117,9 @@ bool sf_rests_where(const sf_course *course, sf_course *coming);
 void sf_end_with(sf_course *course, sf_course *coming);
 bool sf_is_over(sf_course *course, sf_course *coming, sf_real now);
 void sf_follow(sf_course *course, sf_course *before);
-sf_real sf_turn_before_start(sf_course *course, const sf_pose *pose);
+void sf_turn_before_start(sf_course *course, const sf_pose *pose);
 void sf_reckon(sf_course *course, int64_t now_ms);
-uint8_t sf_fault_at_start(sf_course *course, const sf_pose *pose, sf_real *turn);
+uint8_t sf_fault_at_start(sf_course *course, const sf_pose *pose); /* or a turn */
 uint8_t sf_trouble(sf_course *course);
 bool sf_arrived(const sf_course *course);
 bool sf_at_goal(const sf_course *course);
@@ -142,21 +148,29 @@ bool sf_clock_within(const sf_clock *clock, int limit_ms);
 /* agent.c: at agent->clock.now_ns, which every call from outside sets */
 #define ROBOT(agent) ((const sf_robot *)(agent)->robot)
 
+/* How far a course may be driven. */
 typedef struct {
-    int64_t start_ns, said_ns, authority_ms[2]; /* of the present course, of the newer one */
-    uint32_t boot, term, sequence, epoch, run, first, last;
-    int32_t headroom_ms;
+    int64_t authority_ms;
+    uint32_t number;
+} sf_granted;
+
+typedef struct {
     uint8_t phase;
     bool wanted;
+    uint32_t boot, term, sequence, epoch, run, first, last;
+    int32_t headroom_ms;
+    int64_t start_ns, said_ns;
+    sf_granted granted[2]; /* of the present course, of the newer one */
 } sf_command;
 
 bool sf_hear_command(sf_agent *agent, const sf_command *command);
 void sf_hear_clock(sf_agent *agent, const sf_answer *answer);
 bool sf_takes_plan(sf_agent *agent, sf_plan *plan);
 void sf_plan_taken(sf_agent *agent, sf_course *course, bool valid);
-bool sf_hello_due(sf_agent *agent);
-bool sf_clock_due(sf_agent *agent);
-bool sf_report_due(sf_agent *agent);
+int64_t sf_plan_time_ms(const sf_agent *agent, const sf_course *ride); /* now, or driven by last */
+static inline bool sf_is_on_its_way(const sf_agent *agent) {
+    return agent->phase == SF_MOVING || agent->phase == SF_BRAKING;
+}
 
 /* plan.c */
 bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length); /* keeps `bytes` */
@@ -164,7 +178,8 @@ void sf_read_plan(sf_agent *agent, int work); /* goes on with the Plan that is b
 
 /* reader.c */
 typedef struct {
-    const uint8_t *at, *end;
+    const uint8_t *at, *end, *content; /* content: the bytes or text that were read last */
+    uint32_t length;
     uint32_t left; /* elements of the present array that have not been read */
     uint8_t type;
     bool bad;
@@ -177,14 +192,14 @@ typedef struct {
 
 enum { SF_U8 = 1, SF_U16, SF_U32, SF_I32, SF_STAMP, SF_OPTIONAL = 8, SF_NULLABLE = 16 };
 
-uint32_t sf_open(sf_reader *reader, const uint8_t *bytes, size_t length); /* the message's tag */
+int sf_open(sf_reader *reader, const uint8_t *bytes, size_t length); /* the message's tag */
 int64_t sf_get_int(sf_reader *reader);
-void sf_get_fields(sf_reader *reader, void *into, const sf_field *fields, unsigned count);
+const sf_field *sf_get_fields(sf_reader *reader, void *into, const sf_field *fields);
 uint32_t sf_get_array(sf_reader *reader);
-const uint8_t *sf_get_bytes(sf_reader *reader, uint32_t *length);
-const uint8_t *sf_get_text(sf_reader *reader, uint32_t *length);
+void sf_get_bytes(sf_reader *reader); /* to reader->content */
+void sf_get_text(sf_reader *reader);
 bool sf_close(sf_reader *reader); /* skips further fields; whether all was well */
-bool sf_is_id(const uint8_t *text, uint32_t length);
-bool sf_is_named(const char *id, const uint8_t *text, uint32_t length); /* whether it is this id */
+bool sf_is_id(const sf_reader *reader); /* whether the text is one */
+bool sf_is_named(const sf_reader *reader, const char *id); /* whether it is this one */
 
 #endif

@@ -16,17 +16,17 @@ static const sf_real GAUSS[5][2] = {
     {R(0.9061798459386640), R(0.2369268850561891)},
 };
 
-/* Expand one coordinate of the span in powers of u minus the span's first knot: De Boor's algorithm
-   on polynomials instead of numbers. */
-SHARED static void expand(const sf_curve *curve, const sf_real *points, sf_real *powers) {
-    int degree = curve->degree, span = curve->span, first = span - degree;
-    const sf_real *knots = curve->knots;
+/* Expand one axis of the span that begins at a knot in powers of u minus that: De Boor's algorithm on
+   polynomials instead of numbers. */
+static void expand(const sf_curve *curve, int axis, const sf_real *knot, sf_real *powers) {
+    int degree = curve->degree, first = (int)(knot - curve->knots) - degree;
     sf_real rows[SF_DEGREE + 1][SF_DEGREE + 1];
-    for (int i = 0; i <= degree; i++) rows[i][0] = points[first + i];
-    for (int level = 1; level <= degree; level++) {
+    for (int i = 0; i <= degree; i++) rows[i][0] = curve->points[axis][first + i];
+    int level = 1;
+    do {
         for (int i = degree; i >= level; i--) {
-            sf_real low = knots[first + i], width = knots[span + 1 + i - level] - low;
-            sf_real part = (knots[span] - low) / width, above = R(0);
+            sf_real low = knot[i - degree], width = knot[1 + i - level] - low;
+            sf_real part = (*knot - low) / width, above = R(0);
             sf_real *row = rows[i];
             const sf_real *before = rows[i - 1];
             for (int power = level - 1; power >= 0; power--) {
@@ -36,63 +36,57 @@ SHARED static void expand(const sf_curve *curve, const sf_real *points, sf_real 
             }
             row[0] = above;
         }
-    }
+    } while (++level <= degree);
     for (int power = 0; power <= degree; power++) powers[power] = rows[degree][power];
 }
 
 /* The polynomials at u, from the two that are kept or newly expanded into the older one. */
 static sf_piece *piece_at(sf_curve *curve, sf_real u) {
-    sf_piece *piece;
-    for (int i = 0; i < 2; i++) {
-        piece = &curve->pieces[curve->piece];
-        if (piece->begin <= u && u < piece->end) return piece;
-        curve->piece ^= 1;
-    }
-    curve->piece ^= 1;
-    piece = &curve->pieces[curve->piece];
-    unsigned span = curve->span, last = curve->count - 1u;
-    while (span < last && u >= curve->knots[span + 1]) span++;
-    while (span > curve->degree && u < curve->knots[span]) span--;
-    curve->span = (uint16_t)span;
-    expand(curve, curve->hx, piece->x);
-    expand(curve, curve->hy, piece->y);
-    if (!curve->plain) expand(curve, curve->hw, piece->w);
-    piece->begin = curve->knots[span];
-    piece->end = span < last ? curve->knots[span + 1] : SF_INF;
+    sf_piece *piece = curve->piece;
+    if (piece->begin <= u && u < piece->end) return piece;
+    curve->piece = curve->spare;
+    curve->spare = piece;
+    piece = curve->piece;
+    if (piece->begin <= u && u < piece->end) return piece;
+    const sf_real *knot = curve->knots + curve->degree, *last = curve->knots + curve->count - 1;
+    while (knot < last && u >= knot[1]) knot++;
+    for (int axis = 0; axis < curve->axes; axis++)
+        expand(curve, axis, knot, piece->powers[axis]);
+    piece->begin = *knot;
+    piece->end = knot < last ? knot[1] : SF_INF;
     return piece;
 }
 
 /* The value of a polynomial at t, and its derivative, by Horner's rule. */
-SHARED static sf_real value_at(const sf_real *powers, int degree, sf_real t, sf_real *slope) {
-    sf_real value = powers[degree], rate = R(0);
-    if (degree == 3) { /* As nearly always: the same, without a loop. */
-        rate = value * t;
-        sf_real square = rate + powers[2];
-        value = square * t + powers[1];
-        *slope = (rate + square) * t + value;
-        return value * t + powers[0];
+static sf_real value_at(const sf_real *power, sf_real t, const sf_real *first, sf_real *slope) {
+    sf_real value = *power, rate = value;
+    if (power == first + 3) { /* As nearly always: the same, without a loop. */
+        sf_real cubic = value * t, square = cubic + power[-1];
+        value = square * t + power[-2];
+        *slope = (cubic + square) * t + value;
+        return value * t + *first;
     }
-    while (degree-- > 0) {
+    while (--power > first) {
+        value = value * t + *power;
         rate = rate * t + value;
-        value = value * t + powers[degree];
     }
     *slope = rate;
-    return value;
+    return value * t + *first;
 }
 
 SHARED static void evaluate(sf_curve *curve, sf_real u) {
-    int degree = curve->degree;
-    u = sf_clamp(u, R(0), curve->knots[curve->count + degree]);
+    unsigned degree = curve->degree;
     const sf_piece *piece = piece_at(curve, u);
-    sf_real t = u - piece->begin;
-    curve->x = value_at(piece->x, degree, t, &curve->dx);
-    curve->y = value_at(piece->y, degree, t, &curve->dy);
-    if (curve->plain) return;
-    sf_real dw, w = value_at(piece->w, degree, t, &dw);
-    curve->x /= w;
-    curve->y /= w;
-    curve->dx = (curve->dx - dw * curve->x) / w;
-    curve->dy = (curve->dy - dw * curve->y) / w;
+    sf_real t = u - piece->begin, *at = curve->at, *slope = curve->slope;
+    for (int axis = 0; axis < curve->axes; axis++) {
+        const sf_real *powers = piece->powers[axis];
+        at[axis] = value_at(powers + degree, t, powers, &slope[axis]);
+    }
+    if (curve->axes < SF_AXES) return;
+    for (int axis = 0; axis < SF_WEIGHT; axis++) {
+        at[axis] /= at[SF_WEIGHT];
+        slope[axis] = (slope[axis] - slope[SF_WEIGHT] * at[axis]) / at[SF_WEIGHT];
+    }
 }
 
 SHARED sf_real sf_on_curve(const sf_curve *curve, sf_real s) {
@@ -117,12 +111,13 @@ void sf_curve_place(sf_curve *curve, sf_real s) {
     sf_real m0 = (sf_real)cell->slope * size, m1 = (sf_real)cell[1].slope * size;
     sf_real value = rest * rest * ((R(1) + R(2) * part) * cell->u + part * m0);
     sf_real more = (R(3) - R(2) * part) * cell[1].u - rest * m1;
-    evaluate(curve, value + part * part * more);
+    value += part * part * more;
+    evaluate(curve, sf_least(sf_positive(value), curve->knots[curve->count + curve->degree]));
 }
 
 SHARED static sf_real speed(sf_curve *curve, sf_real u) {
     evaluate(curve, u);
-    return SF_SQRT(curve->dx * curve->dx + curve->dy * curve->dy);
+    return sf_length(curve->slope[SF_X], curve->slope[SF_Y]);
 }
 
 /* The cell that ends the table: its parameter, arc length, and slope. */
@@ -134,42 +129,44 @@ SHARED static void end_table(sf_curve *curve, sf_real u, sf_real s) {
 }
 
 bool sf_curve_begin(sf_plan *plan, sf_curve *curve) {
-    const sf_real *knots = curve->knots;
-    unsigned degree = curve->degree, count = curve->count, last = count + degree, spans = 0;
-    if (count <= degree || knots[0] != R(0) || !(knots[last] > R(0))) return false;
-    curve->plain = degree == 3;
-    for (unsigned i = 0; i < last; i++) {
-        if (!(knots[i] <= knots[i + 1])) return false;
-        spans += knots[i] < knots[i + 1];
+    const sf_real *knots = curve->knots, *weights = curve->points[SF_WEIGHT];
+    unsigned degree = curve->degree, count = curve->count, spans = 0;
+    curve->axes = degree == 3 ? SF_WEIGHT : SF_AXES;
+    for (unsigned i = 0; i < count + degree; i++) {
+        sf_real size = knots[i + 1] - knots[i];
+        if (!(size >= R(0))) return false;
+        if (size > R(0)) spans++;
         if (i >= count) continue;
         if (i > 0 && !(knots[i] < knots[i + degree])) return false;
-        if (!(curve->hw[i] > R(0))) return false;
-        if (curve->hw[i] != R(1)) curve->plain = false;
+        if (!(weights[i] > R(0))) return false;
+        if (weights[i] != R(1)) curve->axes = SF_AXES;
     }
-    unsigned parts = MOST_CELLS / spans, most = SF_CELLS / spans;
-    if (parts < LEAST_CELLS_PER_SPAN) parts = LEAST_CELLS_PER_SPAN;
-    if (most > CELLS_PER_SPAN) most = CELLS_PER_SPAN;
-    plan->parts = (uint16_t)(parts < most ? parts : most);
-    curve->span = (uint16_t)degree;
-    plan->span = (uint16_t)(degree + 1);
+    unsigned parts = SF_CELLS / spans, enough = MOST_CELLS / spans;
+    if (enough < LEAST_CELLS_PER_SPAN) enough = LEAST_CELLS_PER_SPAN;
+    if (SF_CELLS > MOST_CELLS && parts > enough) parts = enough;
+    plan->parts = (uint16_t)(parts < CELLS_PER_SPAN ? parts : CELLS_PER_SPAN);
+    plan->knot = &knots[degree + 1];
     curve->cell = curve->last = curve->table;
-    curve->pieces[0].begin = curve->pieces[1].begin = SF_INF;
+    curve->piece = &curve->pieces[0];
+    curve->spare = &curve->pieces[1];
+    curve->piece->begin = curve->spare->begin = SF_INF;
     end_table(curve, R(0), R(0));
     return true;
 }
 
 bool sf_measure_cell(sf_plan *plan, sf_curve *curve) {
-    const sf_real *knot = &curve->knots[plan->span];
+    const sf_real *knot = plan->knot, *last = curve->knots + curve->count;
     curve->length = curve->last->s;
-    if (plan->span > curve->count) return false;
-    unsigned parts = plan->parts, part = plan->at++;
-    sf_real step = (*knot - knot[-1]) / (sf_real)parts, u0 = knot[-1] + (sf_real)part * step;
+    if (knot > last) return false;
+    unsigned part = plan->at++;
+    sf_real step = (*knot - knot[-1]) / (sf_real)plan->parts, u0 = knot[-1] + (sf_real)part * step;
     sf_real u1 = u0 + step, size = R(0);
-    if (part + 1 >= parts) { /* Go on with the next span, which ends at a greater knot. */
+    if (plan->at >= plan->parts) { /* Go on with the next span, which ends at a greater knot. */
         u1 = *knot;
         plan->at = 0;
-        do plan->span++;
-        while (plan->span <= curve->count && !(curve->knots[plan->span] > u1));
+        do knot++;
+        while (knot <= last && !(*knot > u1));
+        plan->knot = knot;
     }
     sf_real middle = R(0.5) * (u0 + u1), half = R(0.5) * (u1 - u0);
     for (int i = 0; i < 5; i++) size += GAUSS[i][1] * speed(curve, middle + half * GAUSS[i][0]);

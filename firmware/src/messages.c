@@ -13,7 +13,7 @@
 /* ---- reading ---- */
 
 #define FIELD(kind, type, name) {(kind), offsetof(type, name)}
-#define COUNT(fields) (sizeof(fields) / sizeof *(fields))
+#define END {0, 0}
 
 typedef struct {
     uint32_t number;
@@ -25,19 +25,21 @@ static const sf_field COMMAND_FIELDS[] = {
     FIELD(SF_U32, sf_command, sequence), FIELD(SF_U32, sf_command, epoch),
     FIELD(SF_U8, sf_command, phase), FIELD(SF_STAMP, sf_command, start_ns),
     FIELD(SF_STAMP, sf_command, said_ns), FIELD(SF_I32 | SF_OPTIONAL, sf_command, headroom_ms),
+    END,
     FIELD(SF_U32 | SF_OPTIONAL, sf_command, first), FIELD(SF_U32 | SF_OPTIONAL, sf_command, last),
-    FIELD(SF_U32 | SF_OPTIONAL, sf_command, run),
+    END,
+    FIELD(SF_U32 | SF_OPTIONAL, sf_command, run), END,
 };
-static const sf_field HELD_FIELDS[] = {FIELD(SF_U32, held, number), FIELD(SF_I32, held, time_ms)};
-
+static const sf_field HELD_FIELDS[] = {
+    FIELD(SF_U32, held, number), FIELD(SF_I32, held, time_ms), END,
+};
 static const sf_field CLOCK_FIELDS[] = {
     FIELD(SF_U32, sf_answer, boot), FIELD(SF_STAMP, sf_answer, sent_ns),
     FIELD(SF_STAMP | SF_NULLABLE, sf_answer, received_ns),
     FIELD(SF_STAMP | SF_NULLABLE, sf_answer, answered_ns),
-    FIELD(SF_U32 | SF_OPTIONAL, sf_answer, coordinator),
+    FIELD(SF_U32 | SF_OPTIONAL, sf_answer, coordinator), END,
 };
-
-static const sf_field REFUSAL_FIELDS[] = {{SF_U32, 0}};
+static const sf_field REFUSAL_FIELDS[] = {{SF_U32, 0}, END};
 
 /* Begin a list that may be left out: return its length, and how many elements are left behind it. */
 SHARED static uint32_t open_list(sf_reader *reader, uint32_t most, uint32_t *left) {
@@ -49,27 +51,30 @@ SHARED static uint32_t open_list(sf_reader *reader, uint32_t most, uint32_t *lef
 }
 
 SHARED static bool hear_command(sf_agent *agent, sf_reader *reader) {
-    sf_command command = {.authority_ms = {SF_UNSAID, SF_UNSAID}, .last = UINT32_MAX};
-    const uint32_t numbers[2] = {agent->number, agent->next_number};
-    uint32_t left, length;
+    sf_command command = {.last = UINT32_MAX};
+    sf_granted *const end = command.granted + 2, *one;
+    uint32_t left;
     held pair;
-    sf_get_fields(reader, &command, COMMAND_FIELDS, 8);
+    command.granted[0].number = agent->number;
+    command.granted[1].number = agent->next_number;
+    for (one = command.granted; one < end; one++) one->authority_ms = SF_UNSAID;
+    const sf_field *fields = sf_get_fields(reader, &command, COMMAND_FIELDS);
     for (uint32_t count = open_list(reader, MOST_HELD, &left); count > 0; count--) {
         if (sf_get_array(reader) != 2) return false;
-        sf_get_fields(reader, &pair, HELD_FIELDS, 2);
-        for (int i = 0; i < 2; i++)
-            if (pair.number == numbers[i] && command.authority_ms[i] == SF_UNSAID)
-                command.authority_ms[i] = pair.time_ms;
+        sf_get_fields(reader, &pair, HELD_FIELDS);
+        for (one = command.granted; one < end; one++)
+            if (pair.number == one->number && one->authority_ms == SF_UNSAID)
+                one->authority_ms = pair.time_ms;
     }
     reader->left = left;
-    sf_get_fields(reader, &command, COMMAND_FIELDS + 8, 2);
+    fields = sf_get_fields(reader, &command, fields);
     for (uint32_t count = open_list(reader, MOST_WANTED, &left); count > 0; count--) {
-        const uint8_t *text = sf_get_text(reader, &length);
-        if (!sf_is_id(text, length)) return false;
-        if (sf_is_named(ROBOT(agent)->id, text, length)) command.wanted = true;
+        sf_get_text(reader);
+        if (!sf_is_id(reader)) return false;
+        if (sf_is_named(reader, ROBOT(agent)->id)) command.wanted = true;
     }
     reader->left = left;
-    sf_get_fields(reader, &command, COMMAND_FIELDS + 10, 1);
+    sf_get_fields(reader, &command, fields);
     if (!sf_close(reader) || command.phase > STOP) return false;
     if (agent->newest_term == command.term && agent->newest_boot == command.boot &&
         agent->newest_sequence >= command.sequence)
@@ -79,20 +84,19 @@ SHARED static bool hear_command(sf_agent *agent, sf_reader *reader) {
     agent->newest_sequence = command.sequence;
     int64_t plan_ns = sf_difference(command.said_ns, command.start_ns);
     int64_t all_ms = sf_floor_ratio(plan_ns, MILLISECOND) + command.headroom_ms;
-    for (int i = 0; i < 2; i++) {
-        if (command.authority_ms[i] == SF_UNSAID) command.authority_ms[i] = all_ms;
-        if (numbers[i] < command.first || numbers[i] > command.last)
-            command.authority_ms[i] = SF_UNSAID;
+    for (one = command.granted; one < end; one++) {
+        if (one->authority_ms == SF_UNSAID) one->authority_ms = all_ms;
+        if (one->number < command.first || one->number > command.last) one->authority_ms = SF_UNSAID;
     }
     sf_hear_command(agent, &command);
     return true;
 }
 
 static bool hear_refusal(sf_agent *agent, sf_reader *reader) {
-    uint32_t length, characters = 0, boot = 0;
-    sf_get_fields(reader, &boot, REFUSAL_FIELDS, 1);
-    const uint8_t *reason = sf_get_text(reader, &length);
-    for (uint32_t i = 0; i < length; i++) characters += (reason[i] & 0xC0) != 0x80;
+    uint32_t characters = 0, boot = 0;
+    sf_get_fields(reader, &boot, REFUSAL_FIELDS);
+    sf_get_text(reader);
+    for (uint32_t i = 0; i < reader->length; i++) characters += (reader->content[i] & 0xC0) != 0x80;
     if (characters > MOST_REASON || !sf_close(reader)) return false;
     if (boot == ROBOT(agent)->boot) agent->refused = true;
     return true;
@@ -100,9 +104,9 @@ static bool hear_refusal(sf_agent *agent, sf_reader *reader) {
 
 static bool hear_clock(sf_agent *agent, sf_reader *reader) {
     sf_answer answer;
-    sf_clear(&answer, sizeof answer);
     answer.received_ns = answer.answered_ns = SF_UNANSWERED;
-    sf_get_fields(reader, &answer, CLOCK_FIELDS, COUNT(CLOCK_FIELDS));
+    answer.coordinator = 0;
+    sf_get_fields(reader, &answer, CLOCK_FIELDS);
     if (!sf_close(reader)) return false;
     bool answered = answer.received_ns != SF_UNANSWERED && answer.answered_ns != SF_UNANSWERED;
     if (answered && answer.boot == ROBOT(agent)->boot) sf_hear_clock(agent, &answer);
@@ -113,18 +117,24 @@ bool sf_hear(sf_agent *agent, int kind, const uint8_t *bytes, size_t length, int
     sf_reader reader;
     agent->clock.now_ns = now_ns;
     if (length > MOST_MESSAGE) return false;
-    uint32_t tag = sf_open(&reader, bytes, length);
-    if (kind == SF_COMMAND && tag == COMMAND) return hear_command(agent, &reader);
-    if (kind == SF_CLOCK && tag == CLOCK) return hear_clock(agent, &reader);
-    if (kind == SF_PLAN && tag == REFUSAL) return hear_refusal(agent, &reader);
-    return kind == SF_PLAN && tag == PLAN && sf_hear_plan(agent, bytes, length);
+    int tag = sf_open(&reader, bytes, length);
+    if (tag == REFUSAL) return kind == SF_PLAN && hear_refusal(agent, &reader);
+    if (tag != kind) return false;
+    switch (tag) {
+    case PLAN: return sf_hear_plan(agent, bytes, length);
+    case COMMAND: return hear_command(agent, &reader);
+    case CLOCK: return hear_clock(agent, &reader);
+    default: return false;
+    }
 }
 
 /* ---- writing ---- */
 
 enum { ARRAY_HEAD = 0x90, NIL = 0xC0 };
 
-SHARED static uint8_t *put(uint8_t *at, int head, uint64_t bits, int bytes) {
+/* A number behind its head, whose last two bits say how many bytes it takes. */
+SHARED static uint8_t *put(uint8_t *at, int head, uint64_t bits) {
+    int bytes = 1 << (head & 3);
     *at = (uint8_t)head;
     for (int i = bytes; i > 0; i--, bits >>= 8) at[i] = (uint8_t)bits;
     return at + 1 + bytes;
@@ -141,19 +151,19 @@ SHARED static uint8_t *put_long(uint8_t *at, int64_t value) {
     uint32_t low = (uint32_t)most;
     if (value >= -32 && value < 128) return put_byte(at, (int)value);
     int size = most >> 32 ? 3 : low >> 16 ? 2 : low >> 8 ? 1 : 0;
-    return put(at, (value < 0 ? 0xD0 : 0xCC) + size, (uint64_t)value, 1 << size);
+    return put(at, (value < 0 ? 0xD0 : 0xCC) + size, (uint64_t)value);
 }
 
 SHARED static uint8_t *put_int(uint8_t *at, int32_t value) { return put_long(at, value); }
 
 SHARED static uint8_t *put_count(uint8_t *at, uint32_t value) { return put_long(at, value); }
 
-static uint8_t *put_double(uint8_t *at, double value) {
+SHARED static uint8_t *put_double(uint8_t *at, double value) {
     union {
         double value;
         uint64_t bits;
     } both = {.value = value};
-    return put(at, 0xCB, both.bits, 8);
+    return put(at, 0xCB, both.bits);
 }
 
 /* A number as float64; from float by its bits alone.  It is not negative, and finite. */
@@ -168,7 +178,7 @@ static uint8_t *put_real(uint8_t *at, sf_real value) {
     uint64_t wide = (uint64_t)both.bits << 29;
     if (both.bits >= 0x00800000) wide += (uint64_t)(1023 - 127) << 52;
     else wide = 0; /* Less than 1e-37 is nothing. */
-    return put(at, 0xCB, wide, 8);
+    return put(at, 0xCB, wide);
 #endif
 }
 
@@ -178,7 +188,7 @@ static uint8_t *put_tag(uint8_t *at, int count, int tag) {
 }
 
 SHARED static uint8_t *put_milli(uint8_t *at, sf_real value) {
-    return put_long(at, sf_nearest(R(1000) * value));
+    return put_long(at, sf_milli(value));
 }
 
 static uint8_t *put_hello(uint8_t *at, const sf_agent *agent) {
@@ -197,36 +207,71 @@ static uint8_t *put_hello(uint8_t *at, const sf_agent *agent) {
     return put_count(put_count(at, SF_STOPS), SF_BYTES);
 }
 
-static uint8_t *put_report(uint8_t *at, const sf_agent *agent) {
+SHARED static uint8_t *put_report(uint8_t *at, sf_agent *agent) {
     const sf_rest *rest = &agent->rest;
+    sf_course *ride = agent->ride;
+    bool moves = agent->phase == SF_MOVING, on_course = moves || agent->phase == SF_DONE;
     at = put_count(put_tag(at, 11, REPORT), ROBOT(agent)->boot);
-    at = put_count(put_count(at, agent->report_sequence), agent->epoch);
+    at = put_count(put_count(at, ++agent->report_sequence), agent->epoch);
     at = put_byte(put_byte(at, agent->phase), agent->fault);
-    if (agent->report_rest) {
+    if (rest->tell) {
         at = put_count(put_real(put_byte(at, ARRAY_HEAD + 6), rest->s), rest->epoch);
         at = put_int(put_int(at, rest->off), rest->turn);
         at = put_count(put_int(at, rest->beyond), rest->revision);
     } else {
         at = put_byte(at, NIL);
     }
-    if (agent->report_stamp_ms == SF_NO_STAMP) at = put_byte(at, NIL);
-    else at = put_int(at, agent->report_stamp_ms);
-    at = put_count(at, agent->report_late);
+    agent->rest.tell = false;
+    if (on_course) {
+        sf_reckon(ride, sf_plan_time_ms(agent, ride));
+        at = put_int(at, ride->stamp_ms);
+    } else {
+        at = put_byte(at, NIL);
+    }
+    at = put_count(at, on_course && moves ? ride->late : 0);
     return put_count(put_count(at, agent->revision), agent->holds);
+}
+
+/* ---- what is due ---- */
+
+/* Whether it is a period since something was sent. */
+SHARED static bool is_due(const sf_agent *agent, int64_t sent_ns) {
+    return sf_difference(agent->clock.now_ns, sent_ns) >= SEND_PERIOD;
+}
+
+/* Whether to report; what is reported by it counts as reported. */
+static bool report_is_due(sf_agent *agent) {
+    const uint32_t now[SF_REPORTED] = {
+        agent->epoch, agent->revision, agent->holds, agent->phase, agent->fault,
+    };
+    bool same = true;
+    for (int i = 0; i < SF_REPORTED; i++) {
+        if (agent->reported[i] != now[i]) same = false;
+        agent->reported[i] = now[i];
+    }
+    return !same || is_due(agent, agent->reported_ns);
+}
+
+static bool question_is_due(sf_agent *agent) {
+    int error_ms = agent->ride ? agent->ride->clock_ms : CLOCK_ERROR_MS;
+    return sf_clock_asks(&agent->clock, error_ms - CLOCK_RESERVE_MS, sf_is_on_its_way(agent));
 }
 
 int sf_speak(sf_agent *agent, int64_t now_ns, uint8_t *bytes, size_t *length) {
     uint8_t *at = bytes;
     agent->clock.now_ns = now_ns;
     int kind = SF_NOTHING;
-    if (sf_hello_due(agent)) {
+    if (!agent->ride && is_due(agent, agent->hello_ns)) {
+        agent->hello_ns = now_ns;
+        agent->hellos++;
         at = put_hello(at, agent);
         kind = SF_HELLO;
-    } else if (sf_clock_due(agent)) {
+    } else if (question_is_due(agent)) {
         at = put_count(put_tag(at, 6, CLOCK), ROBOT(agent)->boot);
         at = put_byte(put_byte(put_byte(put_long(at, now_ns), NIL), NIL), 0);
         kind = SF_CLOCK;
-    } else if (sf_report_due(agent)) {
+    } else if (report_is_due(agent)) {
+        agent->reported_ns = now_ns;
         at = put_report(at, agent);
         kind = SF_REPORT;
     }

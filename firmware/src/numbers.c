@@ -2,12 +2,12 @@
 
 #include "core.h"
 
-sf_real sf_least(sf_real a, sf_real b) { return b < a ? b : a; }
-sf_real sf_most(sf_real a, sf_real b) { return b > a ? b : a; }
+SHARED sf_real sf_least(sf_real a, sf_real b) { return b < a ? b : a; }
+SHARED sf_real sf_most(sf_real a, sf_real b) { return b > a ? b : a; }
 
 sf_real sf_positive(sf_real value) { return sf_most(value, R(0)); }
 
-sf_real sf_clamp(sf_real value, sf_real low, sf_real high) {
+SHARED sf_real sf_clamp(sf_real value, sf_real low, sf_real high) {
     return sf_least(sf_most(value, low), high);
 }
 
@@ -36,18 +36,15 @@ int64_t sf_floor_ratio(int64_t a, int64_t b) {
 #define UNIT 12582912.0f /* 1.5 * 2^23 */
 #endif
 
-SHARED sf_int sf_whole(sf_real value) {
-    if (!(value > -LARGEST)) return (sf_int)-LARGEST;
-    if (value > LARGEST) return (sf_int)LARGEST;
-    return (sf_int)value;
-}
+/* The order of the limits makes one of NaN. */
+SHARED sf_int sf_whole(sf_real value) { return (sf_int)sf_clamp(-LARGEST, value, LARGEST); }
 
 sf_int sf_floor(sf_real value) {
     sf_int number = sf_whole(value);
     return (sf_real)number > value ? number - 1 : number;
 }
 
-sf_int sf_nearest(sf_real value) { return sf_whole((value + UNIT) - UNIT); }
+sf_int sf_milli(sf_real value) { return sf_whole((R(1000) * value + UNIT) - UNIT); }
 
 sf_real sf_seconds_of_ns(int64_t ns) { return (sf_real)ns / R(1e9); }
 

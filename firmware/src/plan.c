@@ -17,13 +17,14 @@ enum { POINTS, KNOTS, WEIGHTS, SPEEDS, PROFILE, PACKED_STOPS, FIELDS_PACKED };
 /* Of each packed field: the bytes of one element, and from one float32 to the next. */
 static const uint8_t SIZES[FIELDS_PACKED][2] = {{8, 4}, {4, 4}, {4, 4}, {4, 4}, {5, 5}, {12, 12}};
 
-enum { SEAL_BYTES = 5, MOST_PACKED = 3600, MOST_MESSAGE = 4000 };
+enum { SEAL_BYTES = 5, STOP_BYTES = 12, MOST_PACKED = 3600 };
 
 #define FIELD(kind, name) {(kind), offsetof(sf_plan, name)}
-static const sf_field HEAD_FIELDS[] = {FIELD(SF_U32, epoch), FIELD(SF_U32, boot)};
-static const sf_field FIELDS_BEHIND[] = {
+static const sf_field PLAN_FIELDS[] = {
+    FIELD(SF_U32, epoch), FIELD(SF_U32, boot), {0, 0},
     FIELD(SF_U32, number), FIELD(SF_U32, revision), FIELD(SF_I32, begin_ms), FIELD(SF_STAMP, tau_ns),
     FIELD(SF_U16, track_mm), FIELD(SF_U32, brake_mmps2), FIELD(SF_U16, clock_ms), FIELD(SF_U8, degree),
+    {0, 0},
 };
 
 static uint32_t word(const uint8_t *at) {
@@ -39,7 +40,7 @@ static sf_real real(const uint8_t *at) {
 }
 
 static const uint8_t *stop_at(const sf_plan *plan, unsigned i) {
-    return plan->packed[PACKED_STOPS] + 12 * i;
+    return plan->packed[PACKED_STOPS] + STOP_BYTES * i;
 }
 
 static int64_t departure_ns(const uint8_t *stop) {
@@ -50,56 +51,60 @@ static int64_t departure_ns(const uint8_t *stop) {
 /* Read the fields, and check what has to hold for the message to be acceptable. */
 static int read_fields(sf_plan *plan, const char *id) {
     sf_reader reader;
-    uint32_t length;
     sf_open(&reader, plan->bytes, plan->length);
-    sf_get_fields(&reader, plan, HEAD_FIELDS, 2);
-    const uint8_t *robot = sf_get_text(&reader, &length);
-    if (length == 0 || !sf_is_named(id, robot, length)) return FAILED;
-    sf_get_fields(&reader, plan, FIELDS_BEHIND, 8);
+    const sf_field *fields = sf_get_fields(&reader, plan, PLAN_FIELDS);
+    sf_get_text(&reader);
+    if (!sf_is_named(&reader, id)) return FAILED;
+    sf_get_fields(&reader, plan, fields);
     if (plan->tau_ns < 0 || plan->tau_ns > 1000 * SECOND || plan->clock_ms < 1) return FAILED;
     if (plan->degree < 1 || plan->degree > SF_DEGREE) return FAILED;
     for (int field = 0; field < FIELDS_PACKED; field++) {
         unsigned size = SIZES[field][0];
-        plan->packed[field] = sf_get_bytes(&reader, &length);
-        if (length > MOST_PACKED || length % size) return FAILED;
-        plan->counts[field] = (uint16_t)(length / size);
+        sf_get_bytes(&reader);
+        if (reader.length > MOST_PACKED || reader.length % size) return FAILED;
+        plan->packed[field] = reader.content;
+        plan->counts[field] = (uint16_t)(reader.length / size);
     }
     return sf_close(&reader) ? NEXT : FAILED;
 }
 
 /* CRC-32 (reflected polynomial 0xEDB88320), half a byte at a time. */
-SHARED static int check_sum(sf_plan *plan) {
+static int check_sum(sf_plan *plan) {
     static const uint32_t TABLE[16] = {
         0x00000000, 0x1DB71064, 0x3B6E20C8, 0x26D930AC, 0x76DC4190, 0x6B6B51F4,
         0x4DB26158, 0x5005713C, 0xEDB88320, 0xF00F9344, 0xD6D6A3E8, 0xCB61B38C,
         0x9B64C2B0, 0x86D3D2D4, 0xA00AE278, 0xBDBDF21C,
     };
-    uint32_t crc = ~plan->crc, at = plan->at, end = plan->length - SEAL_BYTES;
+    uint32_t crc = plan->crc, at = plan->at, end = plan->length - SEAL_BYTES;
     const uint8_t *seal = plan->bytes + end;
-    for (int i = 0; i < 64 && at < end; i++) {
+    for (int i = 0; at < end; i++) {
+        if (i == 64) {
+            plan->at = (uint16_t)at;
+            plan->crc = crc;
+            return AGAIN;
+        }
         crc ^= plan->bytes[at++];
         crc = crc >> 4 ^ TABLE[crc & 15];
         crc = crc >> 4 ^ TABLE[crc & 15];
     }
-    plan->at = (uint16_t)at;
-    crc = plan->crc = ~crc;
-    if (at < end) return AGAIN;
-    bool same = *seal == 0xCE;
-    for (int i = 1; i <= 4; i++, crc <<= 8) same = same && seal[i] == crc >> 24;
-    return same ? NEXT : FAILED;
+    uint32_t sealed = (uint32_t)seal[1] << 24 | (uint32_t)seal[2] << 16 | (uint32_t)seal[3] << 8 | seal[4];
+    return seal[0] == 0xCE && sealed == ~crc ? NEXT : FAILED;
 }
 
 /* Check the next numbers of the packed fields, `at` bytes into field `stop`. */
-SHARED static int check_numbers(sf_plan *plan) {
+static int check_numbers(sf_plan *plan) {
     unsigned field = plan->stop, at = plan->at, end = plan->counts[field] * SIZES[field][0];
     const uint8_t *packed = plan->packed[field];
-    for (int i = 0; i < 16 && at < end; i++, at += SIZES[field][1]) {
+    for (int i = 0; at < end; i++, at += SIZES[field][1]) {
+        if (i == 16) {
+            plan->at = (uint16_t)at;
+            return AGAIN;
+        }
         if ((~word(packed + at) & 0x7F800000) == 0) return FAILED;
         if (field == PROFILE && packed[at + 4] >= plan->counts[SPEEDS]) return FAILED;
     }
-    plan->at = at < end ? (uint16_t)at : 0;
-    plan->stop = (uint16_t)(at < end ? field : field + 1);
-    return plan->stop < FIELDS_PACKED ? AGAIN : NEXT;
+    plan->at = 0;
+    return ++plan->stop < FIELDS_PACKED ? AGAIN : NEXT;
 }
 
 static void begin_course(const sf_plan *plan, sf_course *course) {
@@ -108,7 +113,7 @@ static void begin_course(const sf_plan *plan, sf_course *course) {
 #ifndef SF_DOUBLE
     course->origin_ms = plan->begin_ms;
 #endif
-    course->begin = course->timeline.finish = sf_time_of_ms(course, plan->begin_ms);
+    course->begin = course->time = course->timeline.finish = sf_time_of_ms(course, plan->begin_ms);
     course->timeline.most_v = R(0);
     course->timeline.leg = course->timeline.next = course->timeline.end = course->timeline.knots;
     course->curve.degree = plan->degree;
@@ -133,9 +138,9 @@ static int read_curve(sf_plan *plan, sf_curve *curve) {
     if (i < curve->count) {
         const uint8_t *point = plan->packed[POINTS] + 8 * i;
         sf_real weight = plan->counts[WEIGHTS] ? real(plan->packed[WEIGHTS] + 4 * i) : R(1);
-        curve->hx[i] = real(point) * weight;
-        curve->hy[i] = real(point + 4) * weight;
-        curve->hw[i] = weight;
+        curve->points[SF_X][i] = real(point) * weight;
+        curve->points[SF_Y][i] = real(point + 4) * weight;
+        curve->points[SF_WEIGHT][i] = weight;
     }
     return i < curve->count + degree ? AGAIN : NEXT;
 }
@@ -158,6 +163,7 @@ static int read_speed(sf_plan *plan, sf_timeline *line) {
     if (plan->at == plan->counts[PROFILE]) return NEXT;
     const uint8_t *knot = plan->packed[PROFILE] + 5 * plan->at++;
     sf_real v = real(plan->packed[SPEEDS] + 4 * knot[4]);
+    if (!(v >= R(0)) || !(v < R(1e3))) return FAILED;
     return add_knot(line, real(knot), v, plan->brake_mmps2 > 0) ? AGAIN : FAILED;
 }
 
@@ -169,32 +175,29 @@ static int read_stop(sf_plan *plan, sf_timeline *line) {
     return !(s > R(0)) || add_knot(line, s, R(0), true) ? AGAIN : FAILED;
 }
 
-static bool is_speed(sf_real v) { return v >= R(0) && v < R(1e3); }
-
 /* Add the legs up to the next speed knot, with the stops between. */
 static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
-    sf_real s = line->next->s, v = line->next->v, time = line->finish, before = R(-1);
-    line->length = s;
-    line->most_v = sf_most(line->most_v, v);
-    if (line->next + 1 == line->end) return plan->stop == plan->counts[PACKED_STOPS] ? NEXT : FAILED;
-    sf_real end_s = line->next[1].s, end_v = line->next[1].v;
-    if (!(end_s > s) || !is_speed(v) || !is_speed(end_v)) return FAILED;
-    sf_real slope = (end_v * end_v - v * v) / (end_s - s);
+    const sf_knot *leg = line->next;
+    line->length = leg->s;
+    line->most_v = sf_most(line->most_v, leg->v);
+    if (leg + 1 == line->end) return plan->stop == plan->counts[PACKED_STOPS] ? NEXT : FAILED;
+    sf_real end_s = leg[1].s, slope = sf_slope(leg);
+    if (!(end_s > leg->s)) return FAILED;
     for (; plan->stop < plan->counts[PACKED_STOPS]; plan->stop++) {
         const uint8_t *stop = stop_at(plan, plan->stop);
-        sf_real stop_s = real(stop), departs = sf_seconds_of_ns(departure_ns(stop));
-        if (!(stop_s < end_s)) break;
-        if (plan->stop > 0) before = real(stop - 12);
-        if (!(stop_s >= R(0)) || !(stop_s > before) || !(sf_abs(departs) < R(1e6))) return FAILED;
-        if (stop_s > s) {
-            v = SF_SQRT(sf_positive(v * v + slope * (stop_s - s)));
-            s = stop_s;
-            if (!add_knot(line, s, v, true) || !sf_timeline_leg(line, time)) return FAILED;
-            time = line->finish;
+        sf_real s = real(stop);
+        if (!(s < end_s)) break;
+        if (!(s >= R(0)) || (plan->stop > 0 && !(s > real(stop - STOP_BYTES)))) return FAILED;
+        leg = line->next;
+        if (s > leg->s) {
+            sf_real v = SF_SQRT(sf_positive(leg->v * leg->v + slope * (s - leg->s)));
+            if (!add_knot(line, s, v, true) || !sf_timeline_leg(line)) return FAILED;
         }
-        time = sf_most(time, sf_seconds_of_ns(departure_ns(stop) - origin_ms * MILLISECOND));
+        sf_real departs = sf_seconds_of_ns(departure_ns(stop) - origin_ms * MILLISECOND);
+        if (!(sf_abs(departs) < R(1e6))) return FAILED;
+        line->finish = sf_most(line->finish, departs);
     }
-    return sf_timeline_leg(line, time) ? AGAIN : FAILED;
+    return sf_timeline_leg(line) ? AGAIN : FAILED;
 }
 
 /* Do one piece of the work on a Plan. */
@@ -207,8 +210,8 @@ SHARED static int work_on(sf_agent *agent, sf_plan *plan, sf_course *course) {
         int done = check_numbers(plan);
         if (done != NEXT) return done;
         if (!sf_takes_plan(agent, plan)) return FAILED;
-        plan->course = agent->ride == &agent->courses[0];
-        begin_course(plan, &agent->courses[plan->course]);
+        plan->course = &agent->courses[agent->ride == &agent->courses[0]];
+        begin_course(plan, plan->course);
         return NEXT;
     }
     case CURVE: return read_curve(plan, &course->curve);
@@ -227,32 +230,33 @@ SHARED static int work_on(sf_agent *agent, sf_plan *plan, sf_course *course) {
 
 void sf_read_plan(sf_agent *agent, int work) {
     static const uint8_t WORK[] = {
-        [FIELDS] = 14, [CHECKSUM] = 18, [NUMBERS] = 6, [CURVE] = 2, [MEASURE] = 40,
+        [FIELDS] = 24, [CHECKSUM] = 18, [NUMBERS] = 6, [CURVE] = 2, [MEASURE] = 40,
         [SPEED_KNOTS] = 1, [STOPS] = 2, [LEGS] = 4, [CELLS] = 8, [RIDE] = 40, [TAKE] = 40,
     };
     sf_plan *plan = &agent->plan;
-    while (plan->stage && work > 0) {
-        sf_course *course = &agent->courses[plan->course];
+    if (!sf_is_reading(agent)) return;
+    do {
+        sf_course *course = plan->course;
         unsigned stage = plan->stage;
-        work -= stage == CELLS && !course->curve.plain ? 24 : WORK[stage];
+        work -= stage == CELLS && course->curve.axes == SF_AXES ? 24 : WORK[stage];
         int done = work_on(agent, plan, course);
         if (done == AGAIN) continue;
         plan->at = plan->stop = 0;
         plan->stage = done == NEXT && stage < TAKE ? (uint8_t)(stage + 1) : NONE;
         if (plan->stage == NONE && stage > NUMBERS) sf_plan_taken(agent, course, done == NEXT);
-        if (plan->stage > CELLS) break; /* What is left is enough for two ticks of its own. */
-    }
+    } while (work > 0 && plan->stage != NONE && plan->stage <= CELLS); /* The rest takes a tick each. */
 }
 
-bool sf_is_reading(const sf_agent *agent) { return agent->plan.stage != NONE; }
+SHARED bool sf_is_reading(const sf_agent *agent) { return agent->plan.stage != NONE; }
 
 bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length) {
     sf_plan *plan = &agent->plan;
-    if (sf_is_reading(agent) || length <= SEAL_BYTES || length > MOST_MESSAGE) return false;
+    if (sf_is_reading(agent) || length <= SEAL_BYTES) return false;
     sf_clear(plan, sizeof *plan);
     plan->bytes = bytes;
     plan->length = (uint16_t)length;
     plan->stage = FIELDS;
+    plan->crc = UINT32_MAX;
     while (SF_WORK == 0 && sf_is_reading(agent)) sf_read_plan(agent, 1);
     return true;
 }

@@ -67,20 +67,21 @@ SHARED static uint64_t element(sf_reader *reader, int type) {
     return value;
 }
 
-uint32_t sf_open(sf_reader *reader, const uint8_t *bytes, size_t length) {
+int sf_open(sf_reader *reader, const uint8_t *bytes, size_t length) {
     *reader = (sf_reader){.at = bytes, .end = bytes + length, .left = 1};
     reader->left = sf_get_array(reader);
     int64_t tag = sf_get_int(reader);
-    return tag == (uint8_t)tag ? (uint32_t)tag : 0;
+    return tag == (uint8_t)tag ? (int)tag : 0;
 }
 
 SHARED int64_t sf_get_int(sf_reader *reader) { return (int64_t)element(reader, INTEGER); }
 
 SHARED uint32_t sf_get_array(sf_reader *reader) { return (uint32_t)element(reader, ARRAY); }
 
-/* Read integers into the fields of a struct; one that is left out keeps its value. */
-void sf_get_fields(sf_reader *reader, void *into, const sf_field *field, unsigned count) {
-    for (; count > 0; count--, field++) {
+/* Read integers into the fields of a struct, up to one of kind 0; one that is left out keeps its
+   value.  Return the field behind that. */
+const sf_field *sf_get_fields(sf_reader *reader, void *into, const sf_field *field) {
+    for (; field->kind; field++) {
         void *at = (uint8_t *)into + field->at;
         bool fits = true;
         if (field->kind >= SF_OPTIONAL && reader->left == 0) continue;
@@ -100,46 +101,47 @@ void sf_get_fields(sf_reader *reader, void *into, const sf_field *field, unsigne
         }
         if (!fits) fail(reader);
     }
+    return field + 1;
 }
 
-SHARED static const uint8_t *content(sf_reader *reader, int type, uint32_t *length) {
+SHARED static void get_content(sf_reader *reader, int type) {
     uint32_t size = (uint32_t)element(reader, type);
-    const uint8_t *at = reader->at;
+    reader->content = reader->at;
     pass(reader, size);
-    *length = reader->bad ? 0 : size;
-    return at;
+    reader->length = reader->bad ? 0 : size;
 }
 
-const uint8_t *sf_get_bytes(sf_reader *reader, uint32_t *length) {
-    return content(reader, BYTES, length);
-}
+void sf_get_bytes(sf_reader *reader) { get_content(reader, BYTES); }
 
-const uint8_t *sf_get_text(sf_reader *reader, uint32_t *length) {
-    return content(reader, TEXT, length);
-}
+void sf_get_text(sf_reader *reader) { get_content(reader, TEXT); }
 
 bool sf_close(sf_reader *reader) {
-    uint64_t left = reader->left;
-    while (left > 0 && !reader->bad) {
+    for (uint64_t left = reader->left; left > 0 && !reader->bad; left--) {
         uint64_t size = read_head(reader);
-        uint8_t type = reader->type;
-        left--;
-        if (type == ARRAY || type == MAP) left += size << (type == MAP);
-        else if (type == TEXT || type == BYTES || type == OTHER) pass(reader, (uint32_t)size);
+        switch (reader->type) {
+        case MAP: left += size; /* fall through */
+        case ARRAY: left += size; break;
+        case INTEGER:
+        case NIL: break;
+        default: pass(reader, (uint32_t)size);
+        }
     }
     return !reader->bad && reader->at == reader->end;
 }
 
-bool sf_is_id(const uint8_t *text, uint32_t length) {
+bool sf_is_id(const sf_reader *reader) {
     static const uint32_t ALLOWED[4] = {0, 0x03FF6000, 0x87FFFFFE, 0x07FFFFFE}; /* - . 0-9 A-Z _ a-z */
+    const uint8_t *text = reader->content;
+    uint32_t length = reader->length;
     if (length < 1 || length > 32) return false;
     for (; length > 0; length--, text++)
         if (*text >= 128 || !(ALLOWED[*text / 32] >> *text % 32 & 1)) return false;
     return true;
 }
 
-bool sf_is_named(const char *id, const uint8_t *text, uint32_t length) {
-    for (; length > 0; length--)
+bool sf_is_named(const sf_reader *reader, const char *id) {
+    const uint8_t *text = reader->content;
+    for (uint32_t length = reader->length; length > 0; length--)
         if (*id++ != (char)*text++) return false;
     return *id == 0;
 }

@@ -47,8 +47,9 @@ static sf_real as_of(const sf_course *other, const sf_course *course, sf_real ti
     return time + sf_time_of_ms(other, course->origin_ms);
 }
 
-SHARED static sf_real begin_of(const sf_course *coming, const sf_course *course) {
-    return as_of(course, coming, coming->begin);
+/* When a course begins, as another one counts it. */
+static sf_real begin_of(const sf_course *coming, const sf_course *course) {
+    return sf_time_of_ms(course, coming->begin_ms);
 }
 
 /* Until when the robot may drive one course, as another one counts it. */
@@ -61,11 +62,19 @@ SHARED static sf_real planned_s(sf_course *course, sf_real time) {
     return sf_s_at(&course->timeline, time);
 }
 
-SHARED static bool is_stuck(const sf_course *course) {
-    return course->watch - course->stuck_from >= REST_TIME;
+/* How far it is from the robot to where the plan has it at a time. */
+static sf_real room(sf_course *course, sf_real time) {
+    return planned_s(course, time) - course->follower.s;
 }
 
-SHARED static void limit_authority(sf_course *course) {
+/* Whether something has been so for as long as makes it rest. */
+SHARED static bool lasts(const sf_course *course, int what) {
+    return course->watch - course->since[what] >= REST_TIME;
+}
+
+static bool is_stuck(const sf_course *course) { return lasts(course, SF_STUCK); }
+
+static void limit_authority(sf_course *course) {
     course->authority = sf_least(told(course, course), course->rests);
     course->granted = planned_s(course, course->authority);
 }
@@ -73,26 +82,29 @@ SHARED static void limit_authority(sf_course *course) {
 /* Of a course whose curve and timeline are there, and all else but its beginning zeros. */
 bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf_real period) {
     sf_timeline *line = &course->timeline;
-    if (!(course->curve.length > R(0)) || !(course->curve.length < R(1e6))) return false;
-    if (sf_abs(line->length - course->curve.length) > ARRIVAL_SLACK) return false;
-    sf_follower_begin(&course->follower);
+    sf_real length = course->curve.length;
+    if (!(length > R(0)) || !(length < R(1e6))) return false;
+    if (sf_abs(line->length - length) > ARRIVAL_SLACK) return false;
+    course->follower.tangent_s = SF_INF;
+    course->follower.tx = R(1);
     course->clock_ms = plan->clock_ms;
     course->stamp_ms = SF_NO_STAMP;
     course->track = R(plan->track_mm) / R(1000);
-    course->brake = plan->brake_mmps2 ? R(plan->brake_mmps2) / R(1000) : SF_INF;
+    course->brake = R(plan->brake_mmps2) / R(1000);
     course->period = period;
     course->catch_up = CATCH_UP_RATE;
-    if (course->brake == SF_INF) {
-        sf_real quick = sf_least(QUICK_CATCH_UP_RATE, QUICK_CATCH_UP_SHARE / period);
-        course->catch_up = sf_most(CATCH_UP_RATE, quick);
+    course->at_once = plan->brake_mmps2 == 0;
+    if (course->at_once) {
+        course->brake = SF_INF;
+        course->catch_up = sf_clamp(QUICK_CATCH_UP_SHARE / period, CATCH_UP_RATE, QUICK_CATCH_UP_RATE);
     }
     /* A robot that starts and stops at once may rest where a course begins with any speed. */
-    course->from_rest = course->brake == SF_INF || sf_v_at(line, course->begin) == R(0);
+    sf_s_at(line, course->begin);
+    course->from_rest = course->at_once || line->v == R(0);
     course->slack = sf_most(ARRIVAL_SLACK, LATE_SHARE * course->track);
     course->limit = max_speed > R(0) ? max_speed : SPARE_SPEED * line->most_v;
-    course->brake_from = course->stuck_s = course->pace_time = -SF_INF;
-    course->rest_from = course->pace = course->until = course->rests = SF_INF;
-    course->time = course->begin;
+    course->since[SF_BRAKES] = course->stuck_s = course->since[SF_PACED] = -SF_INF;
+    course->rest_x = course->pace = course->until = course->rests = SF_INF;
     course->rate = sf_clamp(course->limit / line->most_v, R(1), MOST_HURRY);
     course->reaction = REACTION_TICKS * period;
     course->foresight = HOLD_OUT + course->reaction + course->limit / course->brake;
@@ -110,24 +122,24 @@ void sf_grant(sf_course *course, int64_t authority_ms) {
 bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
     sf_timeline *line = &course->timeline;
     bool rests = coming->from_rest;
-    sf_real begin = begin_of(coming, course), time = begin, turn;
+    sf_real begin = begin_of(coming, course), time = begin;
     sf_real reported = sf_time_of_ms(course, course->stamp_ms - (int64_t)LATE_STEP_MS * course->late);
+    bool ends = at_goal || begin >= line->finish || told(course, course) <= begin;
     if (!rests) time = sf_most(sf_most(begin, course->time), reported);
-    sf_real there = as_of(coming, course, time), s = at_goal ? line->length : sf_s_at(line, time);
-    if (sf_joint(course, s, coming, planned_s(coming, there), &turn) > JOINT_GAP) return false;
-    if (rests && (at_goal || begin >= line->finish || told(course, course) <= begin)) return true;
-    if (course->time > time || reported > time) return false;
-    sf_real speed = sf_v_at(line, time);
-    if (rests && speed == R(0)) return true;
-    sf_real differ = sf_abs(speed - sf_v_at(&coming->timeline, there));
-    return differ <= JOINT_SPEED && sf_abs(turn) <= JOINT_TURN;
+    bool passed = course->time > time || reported > time;
+    sf_real s = planned_s(course, time), there = planned_s(coming, as_of(coming, course, time));
+    sf_apart joint = sf_joint(course, at_goal ? line->length : s, coming, there);
+    if (joint.off > JOINT_GAP) return false;
+    if (rests && ends) return true;
+    if (passed) return false;
+    if (rests && line->v == R(0)) return true;
+    return sf_abs(line->v - coming->timeline.v) <= JOINT_SPEED && sf_abs(joint.turn) <= JOINT_TURN;
 }
 
 bool sf_rests_where(const sf_course *course, sf_course *coming) {
     const sf_follower *mine = &course->follower;
-    sf_real turn;
-    if (!coming->from_rest || mine->off == SF_INF || mine->pose.x == SF_INF) return false;
-    return sf_turn_at_start(coming, &mine->pose, &turn) <= TURN_SHARE * coming->track;
+    return coming->from_rest && mine->located &&
+           sf_start_from(coming, &mine->pose).off <= TURN_SHARE * coming->track;
 }
 
 void sf_end_with(sf_course *course, sf_course *coming) {
@@ -138,10 +150,10 @@ void sf_end_with(sf_course *course, sf_course *coming) {
 
 bool sf_is_over(sf_course *course, sf_course *coming, sf_real now) {
     sf_real until = course->until;
-    if (now < until || course->time < sf_least(until, course->timeline.finish)) return false;
+    if (now < until || (course->time < until && course->time < course->timeline.finish)) return false;
     sf_real enough = sf_least(told(course, course), course->time + course->foresight);
     if (!coming->from_rest && told(coming, course) < enough) return false;
-    sf_real left = planned_s(course, until) - course->follower.s;
+    sf_real left = room(course, until);
     if (left <= sf_most(ARRIVAL_SLACK, course->speed * course->period)) return true;
     return is_stuck(course) && left <= ARRIVAL_SHARE * course->track;
 }
@@ -157,28 +169,33 @@ void sf_follow(sf_course *course, sf_course *before) {
     course->holds = false;
     limit_authority(course);
     course->may_turn = course->from_rest;
-    course->watch = course->pace_time = before->watch;
+    course->watch = course->since[SF_PACED] = before->watch;
     course->speed = before->speed;
     course->pace = before->pace;
     course->brake_speed = before->brake_speed;
-    course->brake_from = before->brake_from;
+    course->since[SF_BRAKES] = before->since[SF_BRAKES];
 }
 
-sf_real sf_turn_before_start(sf_course *course, const sf_pose *pose) {
-    sf_real turn = R(0);
-    if (course->halted || !course->may_turn) return turn;
-    uint8_t fault = sf_fault_at_start(course, pose, &turn);
-    course->may_turn = (fault || turn != R(0)) && course->follower.s <= course->track;
-    return course->may_turn ? turn : R(0);
+void sf_turn_before_start(sf_course *course, const sf_pose *pose) {
+    course->turn = R(0);
+    if (course->halted || !course->may_turn) return;
+    bool ready = sf_fault_at_start(course, pose) == SF_NO_FAULT && !course->turns;
+    course->may_turn = !ready && course->follower.s <= course->track;
+    if (!course->may_turn) course->turn = R(0);
+}
+
+/* How far behind a robot may seem that is not: by what its distance off the path leaves of the
+   track tolerance, but by no more than the slack. */
+SHARED static sf_real bearable(const sf_course *course) {
+    return sf_least(course->slack, course->track - course->follower.off);
 }
 
 void sf_reckon(sf_course *course, int64_t now_ms) {
     sf_timeline *line = &course->timeline;
-    sf_real bearable = course->track - course->follower.off;
-    sf_real reached = course->follower.s + sf_least(course->slack, bearable);
+    sf_real reached = course->follower.s + bearable(course);
     int64_t stamp_ms = now_ms;
     course->late = 0;
-    if (reached < sf_s_at(line, sf_time_of_ms(course, now_ms)) || now_ms > MOST_STAMP) {
+    if (reached < planned_s(course, sf_time_of_ms(course, now_ms)) || now_ms > MOST_STAMP) {
         sf_real passed = sf_time_at(line, sf_positive(reached));
         passed -= TIME_ERROR * sf_abs(passed);
         int64_t passed_ms = course->origin_ms + (int64_t)sf_floor(R(1000) * passed);
@@ -190,21 +207,19 @@ void sf_reckon(sf_course *course, int64_t now_ms) {
 }
 
 /* Whether the robot is more than GRACE behind a plan time. */
-SHARED static bool lags(sf_course *course, sf_real time) {
-    sf_real bearable = sf_least(course->track - course->follower.off, course->slack);
-    return !(course->follower.s >= planned_s(course, time - GRACE) - bearable);
+static bool lags(sf_course *course, sf_real time) {
+    return !(course->follower.s >= planned_s(course, time - GRACE) - bearable(course));
 }
 
-/* What keeps a robot from starting with this pose: a fault, or a turn that is not 0.  A heading
-   error theta leads theta / (e lambda) off the path before it is corrected. */
-uint8_t sf_fault_at_start(sf_course *course, const sf_pose *pose, sf_real *turn) {
-    sf_real enough = TURN_SHARE * course->track, off = sf_turn_at_start(course, pose, turn);
-    sf_real angle = sf_abs(*turn);
-    bool stands = off + angle * LED_OFF <= enough && angle <= (course->turns ? FACING : ASKEW);
-    course->turns = !stands && off <= enough;
-    if (course->turns) return SF_NO_FAULT;
-    *turn = R(0);
-    return stands ? SF_NO_FAULT : SF_OFF_PATH;
+/* A heading error theta leads theta / (e lambda) off the path before it is corrected. */
+uint8_t sf_fault_at_start(sf_course *course, const sf_pose *pose) {
+    sf_real enough = TURN_SHARE * course->track;
+    sf_apart start = sf_start_from(course, pose);
+    sf_real angle = sf_abs(start.turn);
+    bool stands = start.off + angle * LED_OFF <= enough && angle <= (course->turns ? FACING : ASKEW);
+    course->turns = !stands && start.off <= enough;
+    course->turn = course->turns ? start.turn : R(0);
+    return stands || course->turns ? SF_NO_FAULT : SF_OFF_PATH;
 }
 
 uint8_t sf_trouble(sf_course *course) {
@@ -215,46 +230,48 @@ uint8_t sf_trouble(sf_course *course) {
     return off <= track ? SF_NO_FAULT : SF_OFF_PATH;
 }
 
+/* How much of the course is left. */
+static sf_real left(const sf_course *course) {
+    return course->timeline.length - course->follower.s;
+}
+
+/* Whether the robot is where the course ends, and its distance from the path within a limit. */
+SHARED static bool ends_here(const sf_course *course, sf_real most_off) {
+    return left(course) <= ARRIVAL_SLACK && course->follower.off <= most_off;
+}
+
 bool sf_arrived(const sf_course *course) {
-    const sf_follower *follower = &course->follower;
     sf_real over = course->time - course->timeline.finish;
     if (over < R(0)) return false;
-    sf_real left = course->timeline.length - follower->s;
     if (over >= ARRIVAL_PATIENCE && is_stuck(course))
-        return left <= ARRIVAL_SHARE * course->track && !sf_has_left_goal(course);
-    return left <= ARRIVAL_SLACK && follower->off <= course->slack;
+        return left(course) <= ARRIVAL_SHARE * course->track && !sf_has_left_goal(course);
+    return ends_here(course, course->slack);
 }
 
-bool sf_at_goal(const sf_course *course) {
-    sf_real left = course->timeline.length - course->follower.s;
-    return left <= ARRIVAL_SLACK && course->follower.off <= course->track;
-}
+bool sf_at_goal(const sf_course *course) { return ends_here(course, course->track); }
 
 SHARED bool sf_has_left_goal(const sf_course *course) {
-    sf_real moved = sf_abs(course->timeline.length - course->follower.s);
-    return !(course->follower.off + moved <= course->track);
+    return !(course->follower.off + sf_abs(left(course)) <= course->track);
 }
 
 /* Let one period pass on the watch, the time that the ticks have taken, whatever clocks do. */
-static void pass_period(sf_course *course) {
+SHARED static void pass_period(sf_course *course) {
     course->watch += course->period;
     if (!(course->watch > LONGEST_WATCH)) return;
     sf_real passed = course->watch;
     course->watch = R(0);
-    course->stuck_from -= passed;
-    course->pace_time -= passed;
-    course->brake_from -= passed;
-    course->rest_from -= passed;
+    for (int what = 0; what < SF_SINCE; what++) course->since[what] -= passed;
 }
 
 static void brake_on(sf_course *course) {
-    sf_real passed = course->watch - course->brake_from;
-    sf_real fell = passed > R(0) ? course->brake * passed : R(0); /* The brake may be infinite. */
-    course->speed = sf_positive(course->brake_speed - fell);
+    sf_real passed = course->watch - course->since[SF_BRAKES];
+    course->speed = course->brake_speed;
+    if (passed > R(0)) /* The brake may be infinite. */
+        course->speed = sf_positive(course->speed - course->brake * passed);
     sf_real later = course->time + passed + HOLD_OUT;
-    sf_real room = planned_s(course, sf_least(later, course->authority)) - course->follower.s;
-    course->distance = sf_positive(sf_least(room, course->speed * HOLD_OUT));
-    course->curvature = sf_curvature(course, course->speed * course->period);
+    sf_real most = room(course, sf_least(later, course->authority));
+    course->distance = sf_positive(sf_least(most, course->speed * HOLD_OUT));
+    sf_steer(course);
 }
 
 /* The plan time by which a robot drives that lags behind now: it runs as fast as the robot's
@@ -266,16 +283,16 @@ static sf_real advanced(sf_course *course, sf_real now) {
 }
 
 /* The room that is left, at most to where the authority ends; limits the speed. */
-static sf_real within_authority(sf_course *course, sf_real room) {
+static sf_real within_authority(sf_course *course, sf_real distance) {
     sf_real left = sf_positive(course->granted - course->follower.s), most;
-    if (course->brake == SF_INF) {
+    if (course->at_once) {
         most = left / course->reaction;
     } else {
         sf_real lost = course->brake * course->reaction;
         most = SF_SQRT(lost * lost + R(2) * course->brake * left) - lost;
     }
     course->speed = sf_least(course->speed, most);
-    return sf_least(left, room);
+    return sf_least(left, distance);
 }
 
 void sf_keep_to_plan(sf_course *course, sf_real now) {
@@ -284,19 +301,19 @@ void sf_keep_to_plan(sf_course *course, sf_real now) {
     pass_period(course);
     sf_real watch = course->watch;
     if (course->halted || !(sf_abs(s - course->stuck_s) <= REST_SLACK)) {
-        course->stuck_from = watch;
+        course->since[SF_STUCK] = watch;
         course->stuck_s = s;
     }
-    sf_real passed = watch - course->pace_time;
+    sf_real passed = watch - course->since[SF_PACED];
     if (passed >= PACE_TIME) {
         course->pace = passed < R(1) ? (s - course->pace_s) / passed : SF_INF;
-        course->pace_time = watch;
+        course->since[SF_PACED] = watch;
         course->pace_s = s;
     }
     if (course->halted || now < course->time) {
         if (!course->holds) {
             sf_begin_to_brake(course);
-            course->brake_from -= period;
+            course->since[SF_BRAKES] -= period;
         }
         course->holds = true;
         if (s > planned_s(course, course->time)) course->time = sf_time_at(line, s);
@@ -307,20 +324,21 @@ void sf_keep_to_plan(sf_course *course, sf_real now) {
     sf_real time = course->time = lags(course, now) ? advanced(course, now) : now;
     sf_real planned = planned_s(course, time), speed = (planned_s(course, time + period) - planned) / period;
     sf_real lag = planned - s, more = lag * course->catch_up;
-    if (lag > R(0)) more = sf_least(more, SF_SQRT(R(2) * CATCH_UP_BRAKE * course->brake * lag));
-    course->speed = sf_clamp(speed + more, R(0), course->limit);
-    sf_real room = planned_s(course, time + HOLD_OUT) - s;
-    if (course->authority < time + course->foresight) room = within_authority(course, room);
-    course->distance = sf_positive(room);
-    course->curvature = sf_curvature(course, course->speed * period);
+    /* Of a lag below 0 the root is NaN, which is never the least. */
+    more = sf_least(more, SF_SQRT(R(2) * CATCH_UP_BRAKE * course->brake * lag));
+    course->speed = sf_least(sf_positive(speed + more), course->limit);
+    sf_real distance = room(course, time + HOLD_OUT);
+    if (course->authority < time + course->foresight) distance = within_authority(course, distance);
+    course->distance = sf_positive(distance);
+    sf_steer(course);
 }
 
 SHARED void sf_begin_to_brake(sf_course *course) {
     bool stuck = is_stuck(course);
     sf_real seen = sf_positive(course->pace) + R(2) * PACE_TIME * course->brake;
     course->brake_speed = stuck ? R(0) : sf_least(course->speed, seen);
-    course->brake_from = course->watch;
-    course->rest_from = SF_INF;
+    course->since[SF_BRAKES] = course->watch;
+    course->rest_x = SF_INF;
 }
 
 void sf_keep_braking(sf_course *course) {
@@ -331,12 +349,12 @@ void sf_keep_braking(sf_course *course) {
 bool sf_rests(sf_course *course, const sf_pose *pose) {
     sf_real x = pose->x, y = pose->y;
     bool moved = !(sf_abs(x - course->rest_x) + sf_abs(y - course->rest_y) <= REST_SLACK);
-    if (course->speed > R(0) || moved || course->rest_from == SF_INF) {
-        course->rest_from = course->watch;
+    if (course->speed > R(0) || moved) {
+        course->since[SF_RESTS] = course->watch;
         course->rest_x = x;
         course->rest_y = y;
     }
-    return course->watch - course->rest_from >= REST_TIME;
+    return lasts(course, SF_RESTS);
 }
 
 void sf_stand(sf_course *course) {

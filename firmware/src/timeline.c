@@ -5,12 +5,16 @@
 
 #include "core.h"
 
-bool sf_timeline_leg(sf_timeline *line, sf_real time) {
+SHARED sf_real sf_slope(const sf_knot *leg) {
+    return (leg[1].v * leg[1].v - leg->v * leg->v) / (leg[1].s - leg->s);
+}
+
+bool sf_timeline_leg(sf_timeline *line) {
     sf_knot *leg = line->next;
     sf_real both = leg->v + leg[1].v;
     if (!(both > R(0))) return false;
-    leg->t0 = time;
-    leg->t1 = line->finish = time + R(2) * (leg[1].s - leg->s) / both;
+    leg->t0 = line->finish;
+    leg->t1 = line->finish = leg->t0 + R(2) * (leg[1].s - leg->s) / both;
     line->next++;
     return true;
 }
@@ -28,28 +32,21 @@ SHARED static const sf_knot *find(sf_timeline *line, sf_real time) {
 
 sf_real sf_s_at(sf_timeline *line, sf_real time) {
     const sf_knot *leg = find(line, time);
-    sf_real passed = time - leg->t0;
-    if (passed <= R(0)) return leg->s;
+    sf_real passed = time - leg->t0, v = leg->v;
+    line->v = R(0);
     if (time >= leg->t1) return leg[1].s;
-    sf_real rate = (leg[1].v - leg->v) / (leg->t1 - leg->t0);
-    return leg->s + passed * (leg->v + R(0.5) * rate * passed);
-}
-
-sf_real sf_v_at(sf_timeline *line, sf_real time) {
-    const sf_knot *leg = find(line, time);
-    sf_real passed = time - leg->t0;
-    if (passed < R(0) || time >= leg->t1) return R(0);
-    return leg->v + (leg[1].v - leg->v) / (leg->t1 - leg->t0) * passed;
+    if (passed < R(0)) return leg->s;
+    sf_real rate = (leg[1].v - v) / (leg->t1 - leg->t0);
+    line->v = v + rate * passed;
+    return leg->s + passed * (v + R(0.5) * rate * passed);
 }
 
 sf_real sf_time_at(const sf_timeline *line, sf_real s) {
     for (const sf_knot *leg = line->knots; leg < line->next; leg++) {
         if (!(s <= leg[1].s)) continue;
-        sf_real passed = sf_positive(s - leg->s), v0 = leg->v, v1 = leg[1].v;
+        sf_real passed = s - leg->s, v = leg->v;
         if (!(passed > R(0))) return leg->t0;
-        sf_real slope = (v1 * v1 - v0 * v0) / (leg[1].s - leg->s);
-        sf_real v = SF_SQRT(sf_positive(v0 * v0 + slope * passed));
-        return leg->t0 + R(2) * passed / (v0 + v);
+        return leg->t0 + R(2) * passed / (v + SF_SQRT(sf_positive(v * v + sf_slope(leg) * passed)));
     }
     return line->finish;
 }

@@ -15,7 +15,7 @@ SEEDS = range(20)
 pytestmark = pytest.mark.processes
 
 
-@pytest.mark.parametrize("seed", [*SEEDS, 157])  # 157: it is asked where it is.
+@pytest.mark.parametrize("seed", [*SEEDS, 157, 285])  # 157: asked where it is; 285: rounding.
 def test_both_cores_answer_to_the_last_bit_alike_whatever_happens(exact_core, seed):
     stream = Trial(seed).stream(TICKS)
     ticks = answers(exact_core, stream.lines)

@@ -4,30 +4,11 @@
    in `memory`, what goes in and comes out in `exchange`, the Plan that is read in `plan`: bytearrays
    of Python.  firmware/micropython/native_robot.py is the other side. */
 
-#include "splinefleet.h"
+#include "exchange.h"
 
-enum { SIZE, BEGIN, HEAR, TICK, SPEAK, FAILED }; /* act */
+enum { LEAVES = 1, READS = 2, REFUSED = 4 }; /* flags */
 
-enum { LEAVES = 1, READS = 2, REFUSED = 4, HAS_START = 8 };
-
-/* Packed and unpacked in Python; there is no padding. */
-typedef struct {
-    int64_t now_ns;
-    float x, y, heading, speed, curvature, distance, turn, place;
-    uint32_t kind, length, epoch, revision, holds;
-    uint8_t phase, fault, flags, unused;
-    uint8_t bytes[SF_LONGEST_SENT];
-} exchange;
-
-typedef struct {
-    sf_agent agent;
-    sf_robot robot;
-    char id[40];
-} memory;
-
-/* Words of the objects that MicroPython hands to a native function, and objects of words. */
 typedef uintptr_t (*converter)(uintptr_t value, uintptr_t type);
-enum { FROM_OBJECT = 3, TO_OBJECT = 4, INT = 2, POINTER = 4 };
 
 static void begin(memory *at, const exchange *with) {
     sf_robot *robot = &at->robot;
