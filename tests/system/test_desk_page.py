@@ -239,6 +239,13 @@ def test_alarms_are_whole_on_a_phone_and_a_robot_off_its_path_is_not_said_to_be_
         assert tab.run(buttons)
         verdict = tab.run("document.getElementById('verdict').textContent")
         assert verdict == "newest plan proven; R1, R3 off their paths are not covered"
+        order = OrderState(
+            "order-969f", UNDER_WAY, "R2", released_ms=5, accepted_ms=9, planned_arrival_ms=9_000
+        )
+        fleet.tell(keys.orders(FLEET, order.id), order)
+        state = "document.querySelector('#orders li:not([hidden]) .state')"
+        tab.wait(f"{state} !== null && {state}.textContent !== ''")
+        assert tab.run(f"{state}.getBoundingClientRect().height") < 25
 
 
 def test_of_a_hundred_robots_many_are_listed_and_the_chosen_one_on_top(tmp_path):
