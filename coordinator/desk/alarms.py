@@ -17,10 +17,13 @@ from protocol.messages import REFUSED, WAITING, OrderState
 from protocol.phases import IDLE, PHASE_NAMES
 
 _LOST: Final = (
-    "The others keep away from where it may stand. Walk in only while the fleet is stopped. "
-    "Restart it where it stands and admit it, or carry it away and take it out."
+    "Press STOP and wait until all stand before you walk in. Start its program where it stands "
+    "and admit it; or carry it away and take it out. Others keep away from where it may stand."
 )
-_BACK: Final = "Admit it if it knows where it stands; or carry it away and take it out."
+_BACK: Final = (
+    "Press STOP before you walk in. Admit it if it stands where it says; "
+    "or carry it away and take it out."
+)
 _FAULTS: Final = {
     "off its path": "Clear its way; a fleet that takes orders sends it on by itself.",
     "driver error": "Look at its motors and driver; restart its program, then admit it.",

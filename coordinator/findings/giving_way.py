@@ -25,7 +25,7 @@ from coordinator.plan.wire import Driven, curve_of, drive
 SLOWS: Final = "slows for"
 BEHIND: Final = "passes behind"
 BEFORE: Final = "passes before"
-ASIDE: Final = "gives way aside to"
+ASIDE: Final = "moves aside for"
 
 _SLOWER: Final = 0.03
 """A robot slows down where it takes longer than it could by more than this share."""

@@ -140,7 +140,7 @@ class Door:
     def _knock(self, member: Member, hello: Hello, now_ns: int) -> None:
         known = member.admission.hello
         if known is None or known.boot != hello.boot:
-            words = f"{member.id} is back; {_admit(member)} lets it in if it knows where it stands"
+            words = f"{member.id} is back; {_admit(member)} lets it in if it stands where it says"
             self._tell(now_ns, "back", member.id, words)
         member.knock(hello, now_ns)
 

@@ -29,6 +29,7 @@ _SCRIPTS: Final = (
     "hand.js",
     "outlook.js",
     "flow.js",
+    "asking.js",
     "alarms.js",
     "closed_places.js",
     "fleet_state.js",

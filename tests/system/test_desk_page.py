@@ -119,13 +119,15 @@ def test_an_operator_orders_cancels_stops_and_is_called(tmp_path):
 
         agents["R2"].send_signal(signal.SIGKILL)
         tab.wait(f"{ALARMS}.includes('R2 is not heard')")
+        tab.wait(f"{STATE} === 'running: robots may start at any time; 1 not heard'")
+        assert tab.run("document.body.dataset.fleet") == "warns"
         tab.wait(f"/admit R2 once heard\\s+take out R2/.test({ALARMS})")
         assert tab.run("document.querySelector('#alarms [data-act=admit]').disabled")
         tab.run("splinefleet.choose(1)")
         tab.settle()
         assert [text for text, *_ in tab.run(WORDS)].count("R2") == 1
         tab.run("splinefleet.choose(1)")
-        assert "Walk in only while the fleet is stopped" in tab.run(ALARMS)
+        assert "Press STOP and wait until all stand before you walk in" in tab.run(ALARMS)
         tab.wait("/R2 lost its link/.test(document.getElementById('events').textContent)")
         assert "R2" not in tab.run("document.getElementById('robot-acts').textContent")
         about_r2 = (

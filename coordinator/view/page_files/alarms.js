@@ -28,10 +28,11 @@ class AlarmList {
     this.unfolded = new Set();
   }
 
+  /** Show the alarms; return whether they have changed. */
   tell(alarms) {
     const actsOf = (alarm) => (alarm.order ? [] : this.told.acts(alarm.robot));
     const key = JSON.stringify([alarms, alarms.map(actsOf)]);
-    if (key === this.key) return;
+    if (key === this.key) return false;
     this.key = key;
     this.box.hidden = alarms.length === 0;
     const items = [...Map.groupBy(alarms, kindOf)].flatMap(([kind, group]) => {
@@ -48,6 +49,7 @@ class AlarmList {
       return this.unfolded.has(kind) ? [whole, ...group.map((one) => this.item([one], actsOf(one)))] : [whole];
     });
     this.box.firstElementChild.replaceChildren(...items);
+    return true;
   }
 
   /** The entry of one alarm, or of a group that `fold` shows one by one. */

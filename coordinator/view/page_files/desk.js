@@ -1,26 +1,7 @@
-// The operator's desk: what the fleet is told over HTTP.
+// The operator's desk: what the fleet is told.
 
-const mayCommand = document.documentElement.dataset.command === "true";
-
-/** Ask the desk; return its answer, or null after telling what is wrong. */
-async function ask(method, path, body, tell = (problem) => desk.say(problem, true)) {
-  const options = { method, headers: { "Content-Type": "application/json" } };
-  if (body !== undefined) options.body = JSON.stringify(body);
-  try {
-    const answer = await fetch(`api/${path}`, options), found = await answer.json();
-    if (answer.ok) return found;
-    tell((found.problems || [found.error]).join("; "));
-  } catch {
-    tell("the desk does not answer");
-  }
-  return null;
-}
-
-/** What can be done with a robot, in words. */
-const ACTS = {
-  admit: { words: "admit", title: "Let it take part again after it came back" },
-  leave: { words: "take out", title: "Take it out of the fleet, once it was carried away" },
-};
+/** For so long [ms] a button says that it was pressed; the fleet answers sooner. */
+const ASKED_MS = 5000;
 
 class Desk {
   /**
@@ -43,6 +24,8 @@ class Desk {
     });
     this.fleet = null;
     this.robots = new Map();
+    /** What was asked for a robot a moment ago. */
+    this.pressed = new Map();
     this.form = byId("order-form");
     this.outlook = new Outlook(byId("outlook"), () => this.order(), told.changed);
     byId("command").hidden = byId("give").hidden = byId("end-mission").hidden = !mayCommand;
@@ -51,9 +34,10 @@ class Desk {
     const on = (name, act) => byId(name).addEventListener("click", act);
     on("stop", () => this.stop());
     on("go-on", () => this.command("go on", "POST", "resume", "the fleet goes on"));
-    on("end-mission", () => {
+    on("end-mission", async () => {
       if (!window.confirm("End the mission when all robots rest? It takes no further orders.")) return;
-      this.command("end", "POST", "end", "the fleet ends when all robots rest");
+      const found = await this.command("end", "POST", "end", "the fleet ends when all robots rest");
+      if (found) update(byId("end-mission"), { disabled: true, textContent: "mission ends" });
     });
     on("close-place", async () => {
       if (this.goal === null) this.say("click a place on the floor first", true);
@@ -87,6 +71,7 @@ class Desk {
     this.say(`asked: ${what}`);
     const found = await ask(method, path);
     if (found) this.say(done ?? found.text);
+    return found;
   }
 
   stop() {
@@ -98,7 +83,7 @@ class Desk {
     for (const robot of fleet.robots) this.robots.set(robot.id, robot);
     this.closed.hear(fleet.blocks);
     this.fleet = fleet;
-    this.alarms.tell(fleet.alarms);
+    if (this.alarms.tell(fleet.alarms)) this.told.changed();
     this.tellActs();
     update(byId("end-mission"), { hidden: fleet.phase === "over" || !mayCommand });
   }
@@ -138,9 +123,10 @@ class Desk {
   /** What can be done with a robot, {act, later: why not yet}: one that drives is left alone. */
   acts(name) {
     const robot = this.robots.get(name), leave = { act: "leave", later: "" };
+    const asked = this.pressed.get(name) === "admit" ? "is asked for" : "";
     if (!robot || !mayCommand) return [];
     if (!robot.is_heard) return [{ act: "admit", later: "once heard" }, leave];
-    if (["idle", "frozen"].includes(robot.phase)) return [{ act: "admit", later: "" }, leave];
+    if (["idle", "frozen"].includes(robot.phase)) return [{ act: "admit", later: asked }, leave];
     return robot.phase === "done" ? [leave] : [];
   }
 
@@ -150,7 +136,7 @@ class Desk {
       const { words, title } = ACTS[act];
       const button = element("button", {
         type: "button", textContent: `${words} ${name} ${later}`.trim(), disabled: Boolean(later),
-        title: later ? "It is not heard: start its program where it stands first" : title,
+        title: later.endsWith("heard") ? "It is not heard: start its program where it stands first" : title,
       });
       button.dataset.act = act;
       button.addEventListener("click", () => this.robot(name, act));
@@ -255,6 +241,8 @@ class Desk {
   robot(name, act) {
     const question = `Take ${name} out of the fleet? Others will drive where it stands: carry it away first.`;
     if (act === "leave" && !window.confirm(question)) return;
+    this.pressed.set(name, act);
+    setTimeout(() => this.pressed.delete(name), ASKED_MS);
     this.command(`${ACTS[act].words} ${name}`, "POST", `robots/${name}/${act}`);
   }
 

@@ -13,9 +13,10 @@ function fleetState(phase, found) {
   const count = (test) => found.filter((robot) => robot && test(robot)).length;
   const braking = count((robot) => robot.state === "brakes"), moving = count((robot) => robot.v > STANDS);
   const unheard = count((robot) => robot.state === "unheard"), more = unheard ? `; ${unheard} not heard` : "";
+  const moves = moving ? `${moving} moving` : "robots may start at any time";
   if (phase === "stop" && braking) return [`braking: ${braking} still moving${more}`, "brakes"];
   if (phase === "stop") return [`stopped: all stand${more}`, colour];
-  return [phase === "go" ? `running: ${moving || "none"} moving${more}` : words, colour];
+  return phase === "go" ? [`running: ${moves}${more}`, unheard ? "warns" : colour] : [words, colour];
 }
 
 /** Say so in a badge, and what the button beside it does: while robots brake, it takes STOP back. */

@@ -20,6 +20,7 @@ class FloorView extends Ground {
   /** Draw the floor at a time; `found` are the robots' states, `focus` and `hover` robots or -1, `troubled` a set. */
   draw(t, found, focus, hover, look, troubled = new Set()) {
     this.troubled = troubled;
+    this.fades = troubled.size === 0 && this.play.phaseAt(t) !== "stop";
     const epoch = this.play.epochAt(t);
     const courses = found.map((robot) =>
       robot && [robot.motion?.ride.revision, robot.next?.ride.revision, this.isIdle(robot), robot.state === "unheard"]);
@@ -101,7 +102,7 @@ class FloorView extends Ground {
     const x = this.X(robot.x), y = this.Y(robot.y), colour = look.robot(index);
     const gone = !robot.motion && robot.state !== "arrived" || RESTS.has(robot.state);
     this.spots.push({ index, x, y, radius });
-    pen.globalAlpha = focus >= 0 && focus !== index ? 0.35 : 1;
+    pen.globalAlpha = this.fades && focus >= 0 && focus !== index ? 0.35 : 1;
     pen.beginPath();
     pen.arc(x, y, radius, 0, 7);
     pen.fillStyle = gone ? look.panel : colour;
@@ -159,7 +160,7 @@ class FloorView extends Ground {
         [right, y - away - 12], [left, y - away - 12], [right, y + away], [left, y + away],
       ], rank < 2);
       if (!spot) continue;
-      pen.globalAlpha = rank === 3 && focus >= 0 ? 0.35 : 1;
+      pen.globalAlpha = this.fades && rank === 3 && focus >= 0 ? 0.35 : 1;
       this.inscription(pen, name, spot.x + wide / 2, spot.y + 7);
     }
     pen.globalAlpha = 1;

@@ -126,6 +126,7 @@ class OrderList {
     if (one.arrived !== null) return `at ${this.when(one.arrived)}`;
     if (one.state === WAITING || isSilent(robot) && one.state === UNDER_WAY) return `given ${this.when(one.given)}`;
     if (one.state !== UNDER_WAY || one.planned === null) return `at ${this.when(one.since)}`;
+    if (this.play.phaseAt(t) === "stop") return "once the fleet goes on";
     const late = this.late(one, robot, t), due = late >= 1 ? `due ${this.when(one.planned)}, ` : "";
     return `${due}about ${this.when(one.planned + Math.max(late, 0))}`;
   }
@@ -137,10 +138,11 @@ class OrderList {
   }
 
   /** What a robot does by an order of the coordinator's own, and for whom, where that is said. */
-  owns({ id, state, reason }) {
+  owns({ id, state, reason, robot }) {
     const said = state === UNDER_WAY && reason, { orders, robots } = this.play.scene;
     const whose = said && orders.find((one) => said.endsWith(` ${one.id}`)), by = whose ? whose.steps.at(-1)[2] : -1;
-    return by < 0 ? inShort(said || own(id).words) : said.replace(/\S+$/, robots[by].id);
+    return by < 0 || by === robot ? inShort(said && by < 0 ? said : own(id).words)
+      : said.replace(/\S+$/, robots[by].id);
   }
 
   words(one, robot, t) {
@@ -152,7 +154,7 @@ class OrderList {
       return `${name} ${one.arrived === null ? "arrives" : "is at the goal"}${lateness}`;
     }
     if (one.state === DONE) return `${name} was there${lateness}`;
-    if (one.state === WAITING) return inShort(one.reason) || ORDER_STATES[WAITING];
+    if (one.state === WAITING) return inShort(one.reason) || (name ? `${name} gets a course` : "gets a robot");
     return one.reason ? `${ORDER_STATES[one.state]}: ${inShort(one.reason)}` : ORDER_STATES[one.state];
   }
 }

@@ -51,7 +51,7 @@ const desk = new Desk({
   choose: (index) => { if (index !== focus) chooseToggled(index < 0 ? focus : index); },
   show,
   robotOf: (id) => orders.robotOf(id, word.time() ?? now),
-  changed: () => { stale = true; },
+  changed: () => { stale = true; listed = -Infinity; },
 });
 const orders = new OrderList(byId("orders"), day, chooseToggled, mayCommand ? (id) => desk.cancel(id) : null);
 

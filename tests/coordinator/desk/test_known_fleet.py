@@ -180,7 +180,7 @@ def test_a_robot_that_is_lost_stands_between_where_it_was_heard_and_where_its_au
     (x, y), (u, v) = robot.stretch[0], robot.stretch[-1]
     (alarm,) = known.alarms.now()
     assert alarm.text.endswith(f"it stands between ({x:.1f}, {y:.1f}) and ({u:.1f}, {v:.1f})")
-    assert "Walk in only while the fleet is stopped" in alarm.todo
+    assert "Press STOP and wait until all stand before you walk in" in alarm.todo
 
 
 def test_a_robot_that_is_lost_at_its_goal_stands_there():
