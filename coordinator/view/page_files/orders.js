@@ -141,8 +141,7 @@ class OrderList {
   owns({ id, state, reason, robot }) {
     const said = state === UNDER_WAY && reason, { orders, robots } = this.play.scene;
     const whose = said && orders.find((one) => said.endsWith(` ${one.id}`)), by = whose ? whose.steps.at(-1)[2] : -1;
-    return by < 0 || by === robot ? inShort(said && by < 0 ? said : own(id).words)
-      : said.replace(/\S+$/, robots[by].id);
+    return by < 0 || by === robot ? inShort(said || own(id).words) : said.replace(/\S+$/, robots[by].id);
   }
 
   words(one, robot, t) {
