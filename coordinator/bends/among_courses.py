@@ -13,38 +13,17 @@ import numpy as np
 
 from coordinator.base.errors import PlanError
 from coordinator.base.kept import kept
+from coordinator.bends.courses import may_bend
 from coordinator.bends.mesh_kernels import Mesh, close_near
-from coordinator.bends.meshes import PLACE_ROOM, cell_size, ends_on, open_mesh
+from coordinator.bends.meshes import NARROW, PLACE_ROOM, WIDE, ends_on, open_mesh
 from coordinator.bends.traffic_kernels import BEGIN, END, Traffic, gathered
 from coordinator.bends.way_kernels import Trip
-from coordinator.bends.ways import way_among
+from coordinator.bends.ways import PADS, way_among
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.curves.nurbs_kernels import Indices
-from coordinator.ground.free_space import Space
-from coordinator.motion.cornering import Handling
 from coordinator.paths.path_planner import Pathfinder
-from coordinator.paths.smoothing import smooth, tightest_bend
+from coordinator.paths.smoothing import smooth
 from coordinator.plan.course import Course
-
-_MESHES: Final = ((0.9, 1.0), (0.45, 5.0), (0.27, 5.0))
-"""Sizes of the cells of meshes, as multiples of the need of two robots, and how much [s] a robot
-has to lose for one to be searched.  On fine ones robots pass each other in doors, and where one
-mesh has no way, another one may have one; but they take longer."""
-
-_PAD_TAU: Final = 0.1
-_PAD_NEED: Final = 0.02
-"""What a way keeps beyond tau [s] and the need [m], since its curve differs a little from it.  When
-the robot drives there is found on the curve itself."""
-
-_TIGHTEST: Final = 0.03
-"""The least radius [m] of a bend: robots turn by 50 rad/m at most, and cannot follow tighter ones.
-"""
-
-_BESIDE: Final = 0.5
-"""A vertex that is left out because of a tight bend is at most this far [m] from it."""
-
-_MOST_STATES: Final = 8_000
-"""How many states the search for one way expands at most."""
 
 _STEP: Final = 0.15
 """Distance [m] between the samples of a course."""
@@ -71,48 +50,50 @@ class Bends:
     def __init__(self) -> None:
         self._meshes: dict[tuple[float, float], Mesh] = {}
 
-    def sizes(self, finder: Pathfinder) -> dict[float, float]:
-        """Return the sizes [m] of cells of meshes for the first robot of a scenario, in turn.
-
-        A mesh is worth while for a robot that loses more than the value [s].
-        """
-        scenario, found = finder.scenario, dict[float, float]()
-        for pitch, lost in _MESHES:
-            found.setdefault(cell_size(scenario, scenario.robots[0], pitch), lost)
-        return found
-
     def path(
         self,
         finder: Pathfinder,
         others: Sequence[Course],
         late: Mapping[str, float],
         times: Times,
-        size: float,
     ) -> Nurbs | None:
         """Return a path for the first robot of a scenario, on which it should arrive earliest.
 
-        The robots after it stand where `others` rest.  `late`: how late [s] others may be; `size`:
-        one of the `sizes`.  None if there is no path among them on which it arrives in time.
+        The robots after it stand where `others` rest.  `late`: how late [s] others may be.  None if
+        there is no path among them on which it arrives in time.
         """
         robot = finder.scenario.robots[0]
-        reach, own = robot.radius + finder.scenario.margin + _PAD_NEED, len(others)
-        space, mesh = finder.space_among_places(0), self._mesh(finder, size)
-        ends = ends_on(mesh, own, space, robot)
-        if ends is None:
+        if not may_bend(robot):
             return None
-        speed, tau, ramp = finder.scenario.planned_speed(robot), times.tau + _PAD_TAU, times.ramp
+        (pad, room), ramp = PADS[0], times.ramp
+        reach, own = robot.radius + finder.scenario.margin + room, len(others)
+        space = finder.space_among_places(0)
+        for pitch in (WIDE, NARROW):
+            mesh = self._mesh(finder, pitch)
+            ends = ends_on(mesh, own, space, robot)
+            if ends is not None:
+                break
+        else:
+            return None
+        speed, tau = finder.scenario.planned_speed(robot), times.tau + pad
         trip = Trip(own, *ends, speed, ramp, reach, tau)
         traffic = _traffic(others, late, times.leaves, tau, reach)
-        latest = times.latest - times.leaves - ramp
-        way, _ = way_among(mesh, trip, space, traffic, latest, _MOST_STATES)
-        return _curve(way, space, finder.handling(robot)) if len(way) else None
+        way, _ = way_among(mesh, trip, space, traffic, times.latest - times.leaves - ramp)
+        if not len(way):
+            return None
+        exact = np.zeros(len(way), dtype=np.bool_)
+        exact[[0, -1]] = True
+        try:
+            return smooth(way, exact, space, finder.handling(robot)).curve
+        except PlanError:
+            return None
 
-    def _mesh(self, finder: Pathfinder, size: float) -> Mesh:
+    def _mesh(self, finder: Pathfinder, pitch: float) -> Mesh:
         """Return the mesh of a scenario's first robot, which keeps off where the others stand."""
         robot, *stand = finder.scenario.robots
-        key = (robot.radius, size)
+        key = (robot.radius, pitch)
         if key not in self._meshes:
-            self._meshes[key] = open_mesh(finder, robot, size)
+            self._meshes[key] = open_mesh(finder, robot, pitch)
         base = self._meshes[key]
         mesh = base._replace(codes=base.codes.copy())
         if stand:
@@ -120,30 +101,6 @@ class Bends:
             needs = np.array([one.radius for one in stand]) + reach
             close_near(mesh, np.array([one.start[:2] for one in stand]), needs)
         return mesh
-
-
-def _curve(way: Array, space: Space, handling: Handling) -> Nurbs | None:
-    """Return the curve along a polygon (n, 2) [m]; None if none is clear and can be followed.
-
-    Vertices at which it would bend too tightly are left out where the line past them is clear.
-    """
-    while True:
-        exact = np.zeros(len(way), dtype=np.bool_)
-        exact[[0, -1]] = True
-        try:
-            found = smooth(way, exact, space, handling)
-        except PlanError:
-            return None
-        radius, at = tightest_bend(found)
-        if radius >= _TIGHTEST:
-            return found.curve
-        spare = 1 + np.flatnonzero(space.keeping(way[:-2], way[2:]))
-        if not len(spare):
-            return None
-        far = np.hypot(*(way[spare] - found.curve.evaluate([at])[0]).T)
-        if far.min() > _BESIDE:
-            return None
-        way = np.delete(way, spare[np.argmin(far)], axis=0)
 
 
 def _traffic(

@@ -5,7 +5,6 @@ Decides: how fine the mesh is, and which of its moves are clear.  Must not know:
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
@@ -15,7 +14,7 @@ from coordinator.bends.mesh_kernels import CLOSED, HALF, MOVES, OPEN, Mesh, clos
 from coordinator.curves.nurbs import Array
 from coordinator.ground.free_space import Space
 from coordinator.paths.path_planner import Pathfinder
-from coordinator.scenario.model import Robot, Scenario
+from coordinator.scenario.model import Robot
 
 WIDE: Final = 0.9
 NARROW: Final = 0.27
@@ -65,8 +64,7 @@ class Meshes:
         robots = self._finder.scenario.robots
         radius = robots[index].radius
         if radius not in self._meshes:
-            size = cell_size(self._finder.scenario, robots[index], self._pitch)
-            mesh = open_mesh(self._finder, robots[index], size)
+            mesh = open_mesh(self._finder, robots[index], self._pitch)
             if self._keeps_off:
                 reach = radius + self._finder.scenario.margin + PLACE_ROOM
                 needs = np.array([other.radius for other in robots]) + reach
@@ -112,25 +110,14 @@ def _cell(mesh: Mesh, index: int, space: Space, place: Array) -> int:
     return -1
 
 
-def cell_size(scenario: Scenario, robot: Robot, pitch: float) -> float:
-    """Return the size [m] of cells for robots as wide as this one, larger on a large floor.
-
-    pitch: their size as a multiple of the need of two such robots.
-    """
-    corners = np.array(scenario.workspace.boundary)
-    area = float(np.prod(corners.max(axis=0) - corners.min(axis=0)))
-    return max(pitch * (2.0 * robot.radius + scenario.margin), math.sqrt(area / _MOST_CELLS))
-
-
-def open_mesh(finder: Pathfinder, robot: Robot, size: float) -> Mesh:
-    """Return the mesh for robots as wide as this one, with all moves that no solid thing closes.
-
-    size [m]: that of its cells.
-    """
+def open_mesh(finder: Pathfinder, robot: Robot, pitch: float) -> Mesh:
+    """Return the mesh for robots as wide as this one, with all moves that no solid thing closes."""
     scenario = finder.scenario
     corners = np.array(scenario.workspace.boundary)
     low, high = corners.min(axis=0), corners.max(axis=0)
     reach = robot.radius + scenario.margin
+    size = pitch * (2.0 * robot.radius + scenario.margin)
+    size = max(size, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
     columns, rows = np.maximum(np.ceil((high - low) / size).astype(int), 1).tolist()
     x, y = (low + 0.5 * ((high - low) - size * (np.array((columns, rows)) - 1))).tolist()
     row, column = np.divmod(np.arange(columns * rows), columns)

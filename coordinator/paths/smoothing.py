@@ -177,22 +177,12 @@ def _blocked(curve: Nurbs, hit: Array) -> PlanError:
 
 def least_radius(found: Fit) -> float:
     """Return the least radius [m] that the curve has at its corners; infinite without any."""
-    return tightest_bend(found)[0]
-
-
-def tightest_bend(found: Fit) -> tuple[float, float]:
-    """Return the least radius [m] that the curve has at its corners, and the parameter there.
-
-    Without corners the radius is infinite.
-    """
     corners = np.flatnonzero(found.widths > 0.0)
     if len(corners) == 0:
-        return math.inf, 0.0
+        return math.inf
     offsets = np.linspace(-1.0, 1.0, 9)
     u = (found.at[corners, None] + found.widths[corners, None] * offsets).ravel()
-    bend = np.abs(found.curve.curvature(u))
-    worst = int(np.argmax(bend))
-    return 1.0 / max(float(bend[worst]), 1e-9), float(u[worst])
+    return 1.0 / max(float(np.abs(found.curve.curvature(u)).max()), 1e-9)
 
 
 def _turnable(found: Fit, handling: Handling) -> Fit:
