@@ -1,1 +1,1 @@
-"""Ways in space and time: who has to wait long gives way aside, where others come when."""
+"""Ways in space and time: who has to wait long moves aside, where others come when."""

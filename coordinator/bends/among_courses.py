@@ -1,4 +1,4 @@
-"""The path of one robot that gives way aside to others whose courses are known.
+"""The path of one robot that moves aside for others whose courses are known.
 
 Decides: how courses become traffic, and the polygon of a path among them.  Must not know: when the
 robot drives on that path, zones.

@@ -1,4 +1,4 @@
-"""Ways that look at who comes when: robots give way aside, drive more slowly, or wait.
+"""Ways that look at who comes when: robots move aside, drive more slowly, or wait.
 
 Robots are placed one after another, each on the earliest way in space and time among those that are
 placed; then some are taken out and put back in another order (large neighbourhood search, Shaw

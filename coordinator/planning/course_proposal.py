@@ -253,7 +253,7 @@ def _earliest(search: _Search) -> _Try:
 
 
 def _bent(search: _Search, best: _Try) -> _Try:
-    """Return a try on a path that gives way aside, if the robot arrives earlier on it."""
+    """Return a try on a path that moves aside, if the robot arrives earlier on it."""
     site, wish = search.site, search.wish
     delay = best.motion.finish - best.release - best.track.alone
     if delay < _LONG or wish.leaves is not None:

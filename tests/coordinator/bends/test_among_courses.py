@@ -1,4 +1,4 @@
-"""Courses as traffic, held against their own timelines, and paths that give way aside to them."""
+"""Courses as traffic, held against their own timelines, and paths that move aside for them."""
 
 import math
 
