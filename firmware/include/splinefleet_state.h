@@ -48,7 +48,8 @@ typedef float sf_real;
 enum { SF_X, SF_Y, SF_WEIGHT, SF_AXES };
 
 typedef struct {
-    sf_real begin, end, powers[SF_AXES][SF_DEGREE + 1];
+    const sf_real *knot; /* where it begins */
+    sf_real powers[SF_AXES][SF_DEGREE + 1];
 } sf_piece;
 
 /* A place on the curve: parameter, arc length, and du/ds there. */
@@ -70,6 +71,7 @@ typedef struct {
     sf_real at[SF_AXES], slope[SF_AXES], length; /* slope: of at, by the parameter */
     const sf_cell *cell; /* where the curve was evaluated last */
     sf_cell *last;       /* of the table: where the curve ends */
+    const sf_real *knot; /* where the piece begins that was evaluated last */
     sf_piece *piece, *spare;
     sf_piece pieces[2];
     sf_real knots[SF_POINTS + SF_DEGREE + 1];
@@ -148,9 +150,10 @@ typedef struct {
 typedef struct {
     uint8_t stage, degree;
     bool next; /* of the epoch that the robot drives in */
-    uint16_t at, stop, parts, length, track_mm, clock_ms;
+    uint16_t length, track_mm, clock_ms;
     uint16_t counts[6];
     int32_t begin_ms;
+    uint32_t at, stop, parts;
     uint32_t crc, epoch, boot, number, revision, brake_mmps2;
     sf_course *course;
     const uint8_t *bytes;

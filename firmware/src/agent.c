@@ -110,7 +110,7 @@ static void lose_clock(sf_agent *agent) {
 }
 
 static bool is_silent(const sf_leader *leader, int64_t now_ns, int64_t patience_ns) {
-    return sf_difference(now_ns, leader->heard_ns) > patience_ns;
+    return now_ns - leader->heard_ns > patience_ns;
 }
 
 /* Whether a Command is to be obeyed: the highest (term, boot) leads. */
@@ -239,15 +239,17 @@ void sf_driver_failed(sf_agent *agent, int64_t now_ns) {
     fail(agent, SF_DRIVER_ERROR);
 }
 
-/* How long ago the plan started, for a robot that knows the time. */
-SHARED static int64_t since_start_ns(const sf_agent *agent) {
-    int64_t time_ns = sf_sum(agent->clock.now_ns, agent->clock.offset_ns);
-    return sf_difference(time_ns, agent->start_ns);
+/* The plan time that it is now, after an origin, for a robot that knows the time; saturates. */
+SHARED static int64_t plan_time_ns(const sf_agent *agent, int32_t origin_ms) {
+    int64_t now_ns = agent->clock.now_ns + agent->clock.offset_ns;
+    int64_t origin_ns = agent->start_ns + origin_ms * MILLISECOND;
+    int64_t passed_ns = sf_difference(now_ns, origin_ns);
+    if (((now_ns ^ origin_ns) & (now_ns ^ passed_ns)) >= 0) return passed_ns;
+    return now_ns < 0 ? INT64_MIN : INT64_MAX;
 }
 
-/* The plan time that it is now, for a robot that knows the time. */
 SHARED static sf_real time_now(const sf_agent *agent, const sf_course *ride) {
-    return sf_seconds_of_ns(sf_difference(since_start_ns(agent), ride->origin_ms * MILLISECOND));
+    return sf_seconds_of_ns(plan_time_ns(agent, ride->origin_ms));
 }
 
 int64_t sf_plan_time_ms(const sf_agent *agent, const sf_course *ride) {
@@ -256,7 +258,7 @@ int64_t sf_plan_time_ms(const sf_agent *agent, const sf_course *ride) {
 #ifdef SF_DOUBLE
         time = time_now(agent, ride);
 #else
-        return since_start_ns(agent) / MILLISECOND;
+        return plan_time_ns(agent, 0) / MILLISECOND;
 #endif
     }
     return ride->origin_ms + sf_whole(R(1000) * time);
@@ -339,7 +341,7 @@ static void decide(sf_agent *agent) {
 }
 
 void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real heading) {
-    int64_t passed_ns = sf_difference(now_ns, agent->ticked_ns);
+    int64_t passed_ns = now_ns - agent->ticked_ns;
     agent->clock.now_ns = agent->ticked_ns = now_ns;
     bool late = passed_ns > LATE_TICK && passed_ns > 2 * ROBOT(agent)->period_ns;
     if (late) sf_clock_doubt(&agent->clock); /* It hung. */
@@ -366,6 +368,6 @@ bool sf_start_pose(sf_agent *agent, sf_real *x, sf_real *y, sf_real *heading) {
 sf_real sf_place_on_path(const sf_agent *agent) { return agent->ride ? agent->ride->follower.s : R(0); }
 
 bool sf_coordinator_time(const sf_agent *agent, int64_t now_ns, int64_t *time_ns) {
-    *time_ns = sf_sum(now_ns, agent->clock.offset_ns);
+    *time_ns = now_ns + agent->clock.offset_ns;
     return agent->clock.good > 0;
 }

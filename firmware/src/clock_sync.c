@@ -16,14 +16,14 @@
 /* Let an interval grow on either side by what clocks drift apart in a time. */
 SHARED static void widen(sf_interval *interval, int64_t passed_ns) {
     int64_t error = 1 + sf_floor_ratio(passed_ns, 1000000 / DRIFT_PPM);
-    interval->low_ns = sf_difference(interval->low_ns, error);
-    interval->high_ns = sf_sum(interval->high_ns, error);
+    interval->low_ns -= error;
+    interval->high_ns += error;
 }
 
 /* Where the offset may lie now. */
 SHARED static void aged(const sf_clock *clock, sf_interval *interval) {
     *interval = clock->interval;
-    widen(interval, sf_difference(clock->now_ns, clock->at_ns));
+    widen(interval, clock->now_ns - clock->at_ns);
 }
 
 static int64_t middle(int64_t low, int64_t high) { return (low >> 1) + (high >> 1) + (low & high & 1); }
@@ -65,9 +65,9 @@ bool sf_clock_add(sf_clock *clock, const sf_answer *answer) {
     int64_t *open = question(clock, sent);
     if (sent < clock->since_ns || answered < received || !open) return true;
     *open = CLOSED;
-    int64_t passed = sf_difference(clock->now_ns, sent);
+    int64_t passed = clock->now_ns - sent;
     if (passed < 0 || passed > LONGEST_DELAY) return true;
-    sf_interval old, new = {sf_difference(answered, clock->now_ns), sf_difference(received, sent)};
+    sf_interval old, new = {answered - clock->now_ns, received - sent};
     const sf_interval *kept = clock->good > 0 ? &old : &new;
     widen(&new, passed);
     aged(clock, &old);
@@ -87,11 +87,11 @@ bool sf_clock_add(sf_clock *clock, const sf_answer *answer) {
 bool sf_is_said_in_future(const sf_clock *clock, int64_t said_ns) {
     sf_interval now;
     aged(clock, &now);
-    return clock->good > 0 && sf_difference(said_ns, clock->now_ns) > now.high_ns;
+    return clock->good > 0 && said_ns - clock->now_ns > now.high_ns;
 }
 
 void sf_clock_follow(sf_clock *clock, bool slewing) {
-    int64_t passed = sf_difference(clock->now_ns, clock->followed_ns);
+    int64_t passed = clock->now_ns - clock->followed_ns;
     clock->followed_ns = clock->now_ns;
     clock->slewing = slewing;
     int64_t left = sf_difference(clock->middle_ns, clock->offset_ns);
@@ -101,11 +101,11 @@ void sf_clock_follow(sf_clock *clock, bool slewing) {
         if (left > most) left = most;
         else if (left < -most) left = -most;
     }
-    clock->offset_ns = sf_sum(clock->offset_ns, left);
+    clock->offset_ns += left;
 }
 
 bool sf_clock_asks(sf_clock *clock, int enough_ms, bool moving) {
-    int64_t passed = sf_difference(clock->now_ns, clock->asked_ns);
+    int64_t passed = clock->now_ns - clock->asked_ns;
     bool rarely = (moving || clock->good >= CLOCK_SAMPLES) && sf_clock_within(clock, enough_ms);
     if (passed < (rarely ? CLOCK_PERIOD : clock->period_ns)) return false;
     clock->asked_ns = clock->open_ns[clock->place++ % SF_QUESTIONS] = clock->now_ns;

@@ -70,8 +70,11 @@ sf_real sf_most(sf_real a, sf_real b);
 sf_real sf_positive(sf_real value); /* or 0 */
 static inline sf_real sf_length(sf_real x, sf_real y) { return SF_SQRT(x * x + y * y); }
 sf_real sf_clamp(sf_real value, sf_real low, sf_real high);
-int64_t sf_sum(int64_t a, int64_t b);        /* saturates */
-int64_t sf_difference(int64_t a, int64_t b); /* saturates */
+/* Of times that may be centuries apart, where somebody sends absurd stamps: wraps around.  Stamps are at
+   most 2^62 and the robot's own times below 2^61, so that other differences do not overflow. */
+static inline int64_t sf_difference(int64_t a, int64_t b) {
+    return (int64_t)((uint64_t)a - (uint64_t)b);
+}
 int64_t sf_floor_ratio(int64_t a, int64_t b);
 sf_int sf_whole(sf_real value);   /* towards 0; saturates */
 sf_int sf_floor(sf_real value);   /* saturates */
@@ -80,7 +83,7 @@ sf_real sf_seconds_of_ns(int64_t ns);
 void sf_clear(void *memory, size_t bytes);
 
 /* curve.c */
-bool sf_curve_begin(sf_plan *plan, sf_curve *curve); /* of clamped knots; checks these and weights */
+void sf_curve_begin(sf_plan *plan, sf_curve *curve); /* of plan->parts spans */
 sf_real sf_on_curve(const sf_curve *curve, sf_real s); /* s, limited to the curve's length */
 bool sf_measure_cell(sf_plan *plan, sf_curve *curve); /* false once the curve is measured */
 void sf_curve_place(sf_curve *curve, sf_real s);

@@ -19,94 +19,79 @@ static const sf_real GAUSS[5][2] = {
 /* Expand one axis of the span that begins at a knot in powers of u minus that: De Boor's algorithm on
    polynomials instead of numbers. */
 static void expand(const sf_curve *curve, int axis, const sf_real *knot, sf_real *powers) {
-    int degree = curve->degree, first = (int)(knot - curve->knots) - degree;
-    sf_real rows[SF_DEGREE + 1][SF_DEGREE + 1];
-    for (int i = 0; i <= degree; i++) rows[i][0] = curve->points[axis][first + i];
-    int level = 1;
+    enum { ROW = SF_DEGREE + 1 };
+    int degree = curve->degree, level = 1;
+    sf_real rows[ROW * ROW];
+    const sf_real *point = curve->points[axis] + (knot - curve->knots) - degree;
+    for (int i = 0; i <= degree; i++) rows[ROW * i] = *point++;
     do {
-        for (int i = degree; i >= level; i--) {
+        int i = degree;
+        do {
             sf_real low = knot[i - degree], width = knot[1 + i - level] - low;
             sf_real part = (*knot - low) / width, above = R(0);
-            sf_real *row = rows[i];
-            const sf_real *before = rows[i - 1];
-            for (int power = level - 1; power >= 0; power--) {
-                sf_real apart = row[power] - before[power];
-                row[power + 1] = above + apart / width;
-                above = before[power] + part * apart;
-            }
-            row[0] = above;
-        }
+            sf_real *first = rows + ROW * i, *at = first + level;
+            do {
+                at--;
+                sf_real apart = at[0] - at[-ROW];
+                at[1] = above + apart / width;
+                above = at[-ROW] + part * apart;
+            } while (at > first);
+            *at = above;
+        } while (--i >= level);
     } while (++level <= degree);
-    for (int power = 0; power <= degree; power++) powers[power] = rows[degree][power];
+    for (int power = 0; power <= degree; power++) powers[power] = rows[ROW * degree + power];
 }
 
 /* The polynomials at u, from the two that are kept or newly expanded into the older one. */
 static sf_piece *piece_at(sf_curve *curve, sf_real u) {
     sf_piece *piece = curve->piece;
-    if (piece->begin <= u && u < piece->end) return piece;
+    const sf_real *knot = curve->knot, *last = curve->knots + curve->count - 1;
+    while (knot < last && u >= knot[1]) knot++;
+    while (u < *knot) knot--;
+    curve->knot = knot;
+    if (piece->knot == knot) return piece;
     curve->piece = curve->spare;
     curve->spare = piece;
     piece = curve->piece;
-    if (piece->begin <= u && u < piece->end) return piece;
-    const sf_real *knot = curve->knots + curve->degree, *last = curve->knots + curve->count - 1;
-    while (knot < last && u >= knot[1]) knot++;
+    if (piece->knot == knot) return piece;
+    piece->knot = knot;
     for (int axis = 0; axis < curve->axes; axis++)
         expand(curve, axis, knot, piece->powers[axis]);
-    piece->begin = *knot;
-    piece->end = knot < last ? knot[1] : SF_INF;
     return piece;
 }
 
-/* The value of a polynomial at t, and its derivative, by Horner's rule. */
-static sf_real value_at(const sf_real *power, sf_real t, const sf_real *first, sf_real *slope) {
-    sf_real value = *power, rate = value;
-    if (power == first + 3) { /* As nearly always: the same, without a loop. */
-        sf_real cubic = value * t, square = cubic + power[-1];
-        value = square * t + power[-2];
-        *slope = (cubic + square) * t + value;
-        return value * t + *first;
-    }
-    while (--power > first) {
-        value = value * t + *power;
-        rate = rate * t + value;
-    }
-    *slope = rate;
-    return value * t + *first;
-}
-
+/* Each axis's polynomial and its derivative, by Horner's rule; the weight's first, by which the
+   others are divided. */
 SHARED static void evaluate(sf_curve *curve, sf_real u) {
-    unsigned degree = curve->degree;
     const sf_piece *piece = piece_at(curve, u);
-    sf_real t = u - piece->begin, *at = curve->at, *slope = curve->slope;
-    for (int axis = 0; axis < curve->axes; axis++) {
-        const sf_real *powers = piece->powers[axis];
-        at[axis] = value_at(powers + degree, t, powers, &slope[axis]);
-    }
-    if (curve->axes < SF_AXES) return;
-    for (int axis = 0; axis < SF_WEIGHT; axis++) {
-        at[axis] /= at[SF_WEIGHT];
-        slope[axis] = (slope[axis] - slope[SF_WEIGHT] * at[axis]) / at[SF_WEIGHT];
-    }
+    sf_real t = u - *piece->knot, *at = curve->at, *slope = curve->slope;
+    int axes = curve->axes, axis = axes;
+    do {
+        const sf_real *first = piece->powers[--axis], *power = first + curve->degree;
+        sf_real value = *power, rate = R(0);
+        do {
+            rate = rate * t + value;
+            value = value * t + *--power;
+        } while (power > first);
+        if (axes == SF_AXES && axis < SF_WEIGHT) {
+            value /= at[SF_WEIGHT];
+            rate = (rate - slope[SF_WEIGHT] * value) / at[SF_WEIGHT];
+        }
+        at[axis] = value;
+        slope[axis] = rate;
+    } while (axis > 0);
 }
 
 SHARED sf_real sf_on_curve(const sf_curve *curve, sf_real s) {
     return sf_clamp(s, R(0), curve->length);
 }
 
-static const sf_cell *find_cell(const sf_curve *curve, sf_real s) {
-    unsigned cell = 0, end = (unsigned)(curve->last - curve->table);
-    while (end - cell > 1) {
-        unsigned middle = (cell + end) / 2;
-        if (s >= curve->table[middle].s) cell = middle;
-        else end = middle;
-    }
-    return &curve->table[cell];
-}
-
 void sf_curve_place(sf_curve *curve, sf_real s) {
     s = sf_on_curve(curve, s);
-    const sf_cell *cell = curve->cell;
-    if (!(cell->s <= s && s < cell[1].s)) cell = curve->cell = find_cell(curve, s);
+    const sf_cell *cell = curve->cell; /* The search starts at the one found last. */
+    while (cell + 1 < curve->last && s >= cell[1].s) cell++;
+    while (cell > curve->table && s < cell->s) cell--;
+    curve->cell = cell;
     sf_real size = cell[1].s - cell->s, part = (s - cell->s) / size, rest = R(1) - part;
     sf_real m0 = (sf_real)cell->slope * size, m1 = (sf_real)cell[1].slope * size;
     sf_real value = rest * rest * ((R(1) + R(2) * part) * cell->u + part * m0);
@@ -128,30 +113,19 @@ SHARED static void end_table(sf_curve *curve, sf_real u, sf_real s) {
     cell->slope = (float)(R(1) / sf_most(speed(curve, u), R(1e-9)));
 }
 
-bool sf_curve_begin(sf_plan *plan, sf_curve *curve) {
-    const sf_real *knots = curve->knots, *weights = curve->points[SF_WEIGHT];
-    unsigned degree = curve->degree, count = curve->count, spans = 0;
-    curve->axes = degree == 3 ? SF_WEIGHT : SF_AXES;
-    for (unsigned i = 0; i < count + degree; i++) {
-        sf_real size = knots[i + 1] - knots[i];
-        if (!(size >= R(0))) return false;
-        if (size > R(0)) spans++;
-        if (i >= count) continue;
-        if (i > 0 && !(knots[i] < knots[i + degree])) return false;
-        if (!(weights[i] > R(0))) return false;
-        if (weights[i] != R(1)) curve->axes = SF_AXES;
-    }
-    unsigned parts = SF_CELLS / spans, enough = MOST_CELLS / spans;
+void sf_curve_begin(sf_plan *plan, sf_curve *curve) {
+    const sf_real *knot = curve->knots + curve->degree;
+    unsigned spans = plan->parts, parts = SF_CELLS / spans, enough = MOST_CELLS / spans;
     if (enough < LEAST_CELLS_PER_SPAN) enough = LEAST_CELLS_PER_SPAN;
     if (SF_CELLS > MOST_CELLS && parts > enough) parts = enough;
-    plan->parts = (uint16_t)(parts < CELLS_PER_SPAN ? parts : CELLS_PER_SPAN);
-    plan->knot = &knots[degree + 1];
+    plan->parts = parts < CELLS_PER_SPAN ? parts : CELLS_PER_SPAN;
+    plan->knot = knot + 1;
     curve->cell = curve->last = curve->table;
     curve->piece = &curve->pieces[0];
     curve->spare = &curve->pieces[1];
-    curve->piece->begin = curve->spare->begin = SF_INF;
+    curve->piece->knot = curve->spare->knot = NULL;
+    curve->knot = knot;
     end_table(curve, R(0), R(0));
-    return true;
 }
 
 bool sf_measure_cell(sf_plan *plan, sf_curve *curve) {

@@ -1,4 +1,4 @@
-/* Numbers: limits, rounding, seconds, zeros.  Saturates where an integer would overflow. */
+/* Numbers: limits, rounding, seconds, zeros. */
 
 #include "core.h"
 
@@ -9,18 +9,6 @@ sf_real sf_positive(sf_real value) { return sf_most(value, R(0)); }
 
 SHARED sf_real sf_clamp(sf_real value, sf_real low, sf_real high) {
     return sf_least(sf_most(value, low), high);
-}
-
-static int64_t limit_of(int64_t sign) { return sign < 0 ? INT64_MIN : INT64_MAX; }
-
-int64_t sf_sum(int64_t a, int64_t b) {
-    int64_t sum = (int64_t)((uint64_t)a + (uint64_t)b);
-    return ((a ^ sum) & (b ^ sum)) < 0 ? limit_of(a) : sum;
-}
-
-int64_t sf_difference(int64_t a, int64_t b) {
-    int64_t difference = (int64_t)((uint64_t)a - (uint64_t)b);
-    return ((a ^ b) & (a ^ difference)) < 0 ? limit_of(a) : difference;
 }
 
 int64_t sf_floor_ratio(int64_t a, int64_t b) {

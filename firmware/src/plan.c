@@ -7,7 +7,7 @@
 
 #include "core.h"
 
-enum { NONE, FIELDS, CHECKSUM, NUMBERS, CURVE, MEASURE, SPEED_KNOTS, STOPS, LEGS, CELLS, RIDE,
+enum { NONE, FIELDS, CHECKSUM, NUMBERS, CURVE, SPEED_KNOTS, STOPS, LEGS, CELLS, RIDE,
        TAKE };
 
 enum { FAILED, AGAIN, NEXT }; /* what a piece of work says of its stage */
@@ -79,7 +79,7 @@ static int check_sum(sf_plan *plan) {
     const uint8_t *seal = plan->bytes + end;
     for (int i = 0; at < end; i++) {
         if (i == 64) {
-            plan->at = (uint16_t)at;
+            plan->at = at;
             plan->crc = crc;
             return AGAIN;
         }
@@ -92,12 +92,12 @@ static int check_sum(sf_plan *plan) {
 }
 
 /* Check the next numbers of the packed fields, `at` bytes into field `stop`. */
-static int check_numbers(sf_plan *plan) {
+SHARED static int check_numbers(sf_plan *plan) {
     unsigned field = plan->stop, at = plan->at, end = plan->counts[field] * SIZES[field][0];
     const uint8_t *packed = plan->packed[field];
     for (int i = 0; at < end; i++, at += SIZES[field][1]) {
         if (i == 16) {
-            plan->at = (uint16_t)at;
+            plan->at = at;
             return AGAIN;
         }
         if ((~word(packed + at) & 0x7F800000) == 0) return FAILED;
@@ -117,6 +117,7 @@ static void begin_course(const sf_plan *plan, sf_course *course) {
     course->timeline.most_v = R(0);
     course->timeline.leg = course->timeline.next = course->timeline.end = course->timeline.knots;
     course->curve.degree = plan->degree;
+    course->curve.axes = plan->degree == 3 ? SF_WEIGHT : SF_AXES;
     course->curve.count = plan->counts[POINTS];
 }
 
@@ -128,21 +129,30 @@ static bool fits(const sf_plan *plan) {
     return plan->counts[PROFILE] <= SF_SPEEDS && plan->counts[PACKED_STOPS] <= SF_STOPS;
 }
 
-/* Read one more knot and control point. */
-static int read_curve(sf_plan *plan, sf_curve *curve) {
-    unsigned i = plan->at++, degree = plan->degree, last = plan->counts[KNOTS] - 1u;
+/* Read one more knot and control point; count the spans in plan->parts. */
+SHARED static int read_curve(sf_plan *plan, sf_curve *curve) {
+    unsigned i = plan->at++, degree = plan->degree, count = curve->count;
+    sf_real *knot = &curve->knots[i];
     if (i == 0 && !fits(plan)) return FAILED;
-    unsigned knot = i - degree - 1;
-    if (knot > last) knot = last;
-    curve->knots[i] = i > degree ? real(plan->packed[KNOTS] + 4 * knot) : R(0);
-    if (i < curve->count) {
+    *knot = R(0);
+    if (i > degree) {
+        unsigned inner = i < count ? i : count;
+        *knot = real(plan->packed[KNOTS] + 4 * (inner - degree - 1));
+        if (*knot < knot[-1] || (i < count + degree && *knot == *(knot - degree))) return FAILED;
+        if (*knot > knot[-1]) plan->parts++;
+    }
+    if (i < count) {
         const uint8_t *point = plan->packed[POINTS] + 8 * i;
         sf_real weight = plan->counts[WEIGHTS] ? real(plan->packed[WEIGHTS] + 4 * i) : R(1);
+        if (!(weight > R(0))) return FAILED;
+        if (weight != R(1)) curve->axes = SF_AXES;
         curve->points[SF_X][i] = real(point) * weight;
         curve->points[SF_Y][i] = real(point + 4) * weight;
         curve->points[SF_WEIGHT][i] = weight;
     }
-    return i < curve->count + degree ? AGAIN : NEXT;
+    if (i < count + degree) return AGAIN;
+    sf_curve_begin(plan, curve);
+    return NEXT;
 }
 
 /* Add a speed knot behind the others, or where it belongs if they are sorted. */
@@ -215,7 +225,6 @@ SHARED static int work_on(sf_agent *agent, sf_plan *plan, sf_course *course) {
         return NEXT;
     }
     case CURVE: return read_curve(plan, &course->curve);
-    case MEASURE: return sf_curve_begin(plan, &course->curve) ? NEXT : FAILED;
     case SPEED_KNOTS: return read_speed(plan, &course->timeline);
     case STOPS: return read_stop(plan, &course->timeline);
     case LEGS: return add_legs(plan, &course->timeline, course->origin_ms);
@@ -230,7 +239,7 @@ SHARED static int work_on(sf_agent *agent, sf_plan *plan, sf_course *course) {
 
 void sf_read_plan(sf_agent *agent, int work) {
     static const uint8_t WORK[] = {
-        [FIELDS] = 24, [CHECKSUM] = 18, [NUMBERS] = 6, [CURVE] = 2, [MEASURE] = 40,
+        [FIELDS] = 24, [CHECKSUM] = 18, [NUMBERS] = 6, [CURVE] = 2,
         [SPEED_KNOTS] = 1, [STOPS] = 2, [LEGS] = 4, [CELLS] = 8, [RIDE] = 40, [TAKE] = 40,
     };
     sf_plan *plan = &agent->plan;
