@@ -40,7 +40,7 @@ void sf_init(sf_agent *agent, const sf_robot *robot);
    acceptable.  Bytes of kind SF_PLAN are read over several ticks: keep them unchanged as long as
    `sf_is_reading`; a Plan that arrives meanwhile is ignored and comes again. */
 bool sf_hear(sf_agent *agent, int kind, const uint8_t *bytes, size_t length, int64_t now_ns);
-bool sf_is_reading(const sf_agent *agent);
+static inline bool sf_is_reading(const sf_agent *agent) { return agent->plan.stage != 0; }
 
 /* Decide what the robot at this pose does until the next tick; once every period.  A robot that has
    no pose yet says x = NAN.  To be read afterwards, for the driver (firmware/README.md):
@@ -66,9 +66,14 @@ bool sf_start_pose(sf_agent *agent, sf_real *x, sf_real *y, sf_real *heading);
 bool sf_may_leave(const sf_agent *agent, int64_t now_ns);
 
 /* The arc length [m] at which the robot is on its course; 0 while it has none. */
-sf_real sf_place_on_path(const sf_agent *agent);
+static inline sf_real sf_place_on_path(const sf_agent *agent) {
+    return agent->ride ? agent->ride->follower.s : 0;
+}
 
 /* The coordinator's time [ns] as the robot knows it; false while it does not know it. */
-bool sf_coordinator_time(const sf_agent *agent, int64_t now_ns, int64_t *time_ns);
+static inline bool sf_coordinator_time(const sf_agent *agent, int64_t now_ns, int64_t *time_ns) {
+    *time_ns = now_ns + agent->clock.offset_ns;
+    return agent->clock.good > 0;
+}
 
 #endif

@@ -83,12 +83,11 @@ typedef struct {
     sf_real length, finish, most_v, v;
     const sf_knot *leg; /* where the robot was last */
     sf_knot *next;      /* the leg to be added; behind the last one */
-    sf_knot *end;       /* of the knots */
-    sf_knot knots[SF_LEGS + 1];
+    sf_knot *knots, *end;
 } sf_timeline;
 
 typedef struct {
-    sf_real x, y, heading;
+    sf_real at[2], heading;
 } sf_pose;
 
 typedef struct {
@@ -116,6 +115,7 @@ typedef struct {
     sf_real brake_speed, authority, granted, time, begin;
     sf_timeline timeline;
     sf_curve curve;
+    sf_knot knots[SF_LEGS + 1]; /* of the timeline */
 } sf_course;
 
 typedef struct {

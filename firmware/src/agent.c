@@ -347,7 +347,7 @@ void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real head
     if (late) sf_clock_doubt(&agent->clock); /* It hung. */
     agent->passed = sf_least(sf_positive(sf_seconds_of_ns(passed_ns)), HOLD_OUT);
     agent->has_pose = x == x;
-    agent->pose = (sf_pose){x, y, heading};
+    agent->pose = (sf_pose){{x, y}, heading};
     if (!agent->has_pose) sf_clear(&agent->pose, sizeof agent->pose);
     sf_clock_follow(&agent->clock, sf_is_on_its_way(agent));
     agent->drive_speed = agent->drive_curvature = agent->drive_distance = agent->drive_turn = R(0);
@@ -363,11 +363,4 @@ bool sf_may_leave(const sf_agent *agent, int64_t now_ns) {
 bool sf_start_pose(sf_agent *agent, sf_real *x, sf_real *y, sf_real *heading) {
     if (agent->ride) sf_start_of(agent->ride, x, y, heading);
     return agent->ride;
-}
-
-sf_real sf_place_on_path(const sf_agent *agent) { return agent->ride ? agent->ride->follower.s : R(0); }
-
-bool sf_coordinator_time(const sf_agent *agent, int64_t now_ns, int64_t *time_ns) {
-    *time_ns = now_ns + agent->clock.offset_ns;
-    return agent->clock.good > 0;
 }

@@ -198,8 +198,8 @@ static uint8_t *put_hello(uint8_t *at, const sf_agent *agent) {
     at = put_double(put_double(at, robot->max_speed), robot->max_accel);
     bool may_tell = agent->leader.phase == FREEZE || agent->leader.asks;
     if (agent->has_pose && may_tell && agent->spent_epoch == 0) {
-        at = put_milli(put_byte(at, ARRAY_HEAD + 3), agent->pose.x);
-        at = put_milli(put_milli(at, agent->pose.y), agent->pose.heading);
+        at = put_milli(put_byte(at, ARRAY_HEAD + 3), agent->pose.at[SF_X]);
+        at = put_milli(put_milli(at, agent->pose.at[SF_Y]), agent->pose.heading);
     } else {
         at = put_byte(at, NIL);
     }

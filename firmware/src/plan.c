@@ -115,7 +115,8 @@ static void begin_course(const sf_plan *plan, sf_course *course) {
 #endif
     course->begin = course->time = course->timeline.finish = sf_time_of_ms(course, plan->begin_ms);
     course->timeline.most_v = R(0);
-    course->timeline.leg = course->timeline.next = course->timeline.end = course->timeline.knots;
+    course->timeline.leg = course->timeline.next = course->timeline.knots = course->timeline.end =
+        course->knots;
     course->curve.degree = plan->degree;
     course->curve.axes = plan->degree == 3 ? SF_WEIGHT : SF_AXES;
     course->curve.count = plan->counts[POINTS];
@@ -255,8 +256,6 @@ void sf_read_plan(sf_agent *agent, int work) {
         if (plan->stage == NONE && stage > NUMBERS) sf_plan_taken(agent, course, done == NEXT);
     } while (work > 0 && plan->stage != NONE && plan->stage <= CELLS); /* The rest takes a tick each. */
 }
-
-SHARED bool sf_is_reading(const sf_agent *agent) { return agent->plan.stage != NONE; }
 
 bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length) {
     sf_plan *plan = &agent->plan;

@@ -160,8 +160,7 @@ bool sf_is_over(sf_course *course, sf_course *coming, sf_real now) {
 
 void sf_follow(sf_course *course, sf_course *before) {
     if (!course->from_rest) {
-        sf_real begin = begin_of(course, before);
-        sf_real passed = before->follower.s - planned_s(before, begin);
+        sf_real passed = before->follower.s - planned_s(before, before->until);
         course->time = sf_most(course->begin, as_of(course, before, before->time));
         course->follower.s = sf_least(sf_positive(passed), course->timeline.length);
     }
@@ -347,7 +346,7 @@ void sf_keep_braking(sf_course *course) {
 }
 
 bool sf_rests(sf_course *course, const sf_pose *pose) {
-    sf_real x = pose->x, y = pose->y;
+    sf_real x = pose->at[SF_X], y = pose->at[SF_Y];
     bool moved = !(sf_abs(x - course->rest_x) + sf_abs(y - course->rest_y) <= REST_SLACK);
     if (course->speed > R(0) || moved) {
         course->since[SF_RESTS] = course->watch;

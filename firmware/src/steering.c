@@ -36,18 +36,19 @@ SHARED static void tangent_at(sf_course *course, sf_real s) {
     }
 }
 
-/* See a pose from the curve's point at s: how far away, to the left, and ahead; return the first. */
-SHARED static sf_real see(sf_course *course, sf_real s, const sf_pose *pose) {
+/* See a place from the curve's point at s: how far away, to the left, and ahead; return the first. */
+SHARED static sf_real see(sf_course *course, sf_real s, const sf_real *place) {
     sf_follower *follower = &course->follower;
     tangent_at(course, s);
-    sf_real dx = pose->x - course->curve.at[SF_X], dy = pose->y - course->curve.at[SF_Y];
+    sf_real dx = place[SF_X] - course->curve.at[SF_X], dy = place[SF_Y] - course->curve.at[SF_Y];
     sf_real tx = follower->tx, ty = follower->ty;
     follower->seen_lateral = dy * tx - dx * ty;
     follower->seen_along = dx * tx + dy * ty;
     return follower->seen_off = sf_length(dx, dy);
 }
 
-SHARED static sf_real turned_from_tangent(const sf_follower *follower, sf_real heading) {
+SHARED static sf_real turned_from_tangent(const sf_course *course, sf_real heading) {
+    const sf_follower *follower = &course->follower;
     return angle(follower->tx, follower->ty, SF_COS(heading), SF_SIN(heading));
 }
 
@@ -61,14 +62,13 @@ void sf_start_of(sf_course *course, sf_real *x, sf_real *y, sf_real *heading) {
 sf_apart sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there) {
     const sf_follower *a = &course->follower, *b = &other->follower;
     tangent_at(course, s);
-    sf_pose pose = {course->curve.at[SF_X], course->curve.at[SF_Y], R(0)};
-    sf_real off = see(other, there, &pose);
+    sf_real off = see(other, there, course->curve.at);
     return (sf_apart){off, angle(a->tx, a->ty, b->tx, b->ty)};
 }
 
 sf_apart sf_start_from(sf_course *course, const sf_pose *pose) {
-    sf_real off = see(course, R(0), pose);
-    return (sf_apart){off, -turned_from_tangent(&course->follower, pose->heading)};
+    sf_real off = see(course, R(0), pose->at);
+    return (sf_apart){off, -turned_from_tangent(course, pose->heading)};
 }
 
 /* Let the robot be at follower->s, with its pose as it was seen last. */
@@ -79,13 +79,13 @@ SHARED static void take(sf_course *course) {
     follower->lateral = follower->seen_lateral;
     follower->beyond = R(0);
     if (s <= R(0) || s >= course->curve.length) follower->beyond = follower->seen_along;
-    follower->heading_error = turned_from_tangent(follower, follower->pose.heading);
+    follower->heading_error = turned_from_tangent(course, follower->pose.heading);
 }
 
 void sf_locate(sf_course *course, const sf_pose *pose) {
     sf_follower *follower = &course->follower;
-    sf_real x = pose->x, y = pose->y, heading = pose->heading, began = follower->s, before;
-    if (follower->still && x == follower->pose.x && y == follower->pose.y &&
+    sf_real x = pose->at[SF_X], y = pose->at[SF_Y], heading = pose->heading, began = follower->s, before;
+    if (follower->still && x == follower->pose.at[SF_X] && y == follower->pose.at[SF_Y] &&
         heading == follower->pose.heading)
         return;
     follower->still = false;
@@ -98,7 +98,7 @@ void sf_locate(sf_course *course, const sf_pose *pose) {
     int tries = 4;
     do {
         before = follower->s;
-        see(course, before, pose);
+        see(course, before, pose->at);
         sf_real step = sf_clamp(follower->seen_along, -LONGEST_STEP, LONGEST_STEP);
         follower->s = sf_on_curve(&course->curve, before + step);
     } while (--tries > 0 && !(sf_abs(follower->s - before) < CLOSE_ENOUGH));
@@ -107,7 +107,7 @@ void sf_locate(sf_course *course, const sf_pose *pose) {
 }
 
 sf_real sf_away_from(sf_course *course, sf_real s) {
-    sf_real away = see(course, s, &course->follower.pose);
+    sf_real away = see(course, s, course->follower.pose.at);
     tangent_at(course, course->follower.s);
     return away;
 }
@@ -116,7 +116,7 @@ sf_real sf_away_from(sf_course *course, sf_real s) {
 SHARED static bool nearer(sf_course *course, sf_real s) {
     sf_follower *follower = &course->follower;
     s = sf_on_curve(&course->curve, s);
-    sf_real off = see(course, s, &follower->pose);
+    sf_real off = see(course, s, follower->pose.at);
     if (!(off < follower->off)) return false;
     follower->off = off;
     follower->s = s;
@@ -127,7 +127,7 @@ void sf_find(sf_course *course) {
     sf_follower *follower = &course->follower;
     sf_real s = follower->s, step = SEARCH_STEP;
     if (!follower->located) return;
-    see(course, s, &follower->pose);
+    see(course, s, follower->pose.at);
     take(course);
     sf_real off = follower->off, lateral = follower->lateral;
     if (off * off <= lateral * lateral + BESIDE * BESIDE) return;
@@ -138,7 +138,7 @@ void sf_find(sf_course *course) {
         step *= R(0.5);
         if (!nearer(course, follower->s - step)) nearer(course, follower->s + step);
     }
-    see(course, follower->s, &follower->pose);
+    see(course, follower->s, follower->pose.at);
     take(course);
 }
 
