@@ -131,11 +131,16 @@ typedef struct {
     int64_t open_ns[SF_QUESTIONS]; /* when open questions were asked; a ring */
 } sf_clock;
 
+/* What a Command tells every robot, and this one: whether it asks where that is. */
 typedef struct {
     uint8_t phase;
-    bool asks;         /* where this robot is */
-    bool known, heard; /* who it is, and a Command from it */
+    bool asks;
     uint32_t boot, term, sequence, epoch, run;
+} sf_order;
+
+typedef struct {
+    bool known, heard; /* who it is, and a Command from it */
+    sf_order order;    /* the last that was obeyed */
     int64_t heard_ns;
 } sf_leader;
 

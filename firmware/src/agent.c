@@ -44,7 +44,7 @@ static bool before_motion(const sf_agent *agent) {
     return agent->phase == SF_IDLE || agent->phase == SF_ARMED;
 }
 
-static bool knows_time(const sf_agent *agent, const sf_course *ride) {
+SHARED static bool knows_time(const sf_agent *agent, const sf_course *ride) {
     return sf_clock_within(&agent->clock, ride->clock_ms);
 }
 
@@ -113,34 +113,29 @@ static bool is_silent(const sf_leader *leader, int64_t now_ns, int64_t patience_
     return now_ns - leader->heard_ns > patience_ns;
 }
 
-/* Whether a Command is to be obeyed: the highest (term, boot) leads. */
-static bool counts(const sf_agent *agent, const sf_command *command) {
+/* Whether an order is to be obeyed: the highest (term, boot) leads. */
+static bool counts(const sf_agent *agent, const sf_order *order) {
     const sf_leader *leader = &agent->leader;
-    uint64_t rank = (uint64_t)command->term << 32 | command->boot;
-    uint64_t leading = (uint64_t)leader->term << 32 | leader->boot;
-    if (!before_motion(agent) && command->run != leader->run) return false;
+    const sf_order *last = &leader->order;
+    uint64_t rank = (uint64_t)order->term << 32 | order->boot;
+    uint64_t leading = (uint64_t)last->term << 32 | last->boot;
+    if (!before_motion(agent) && order->run != last->run) return false;
     if (!leader->heard || rank > leading) return true;
-    if (rank == leading) return command->sequence > leader->sequence;
+    if (rank == leading) return order->sequence > last->sequence;
     return before_motion(agent) && is_silent(leader, agent->clock.now_ns, COORDINATOR_TIMEOUT);
 }
 
-bool sf_hear_command(sf_agent *agent, const sf_command *command) {
+void sf_hear_command(sf_agent *agent, const sf_command *command) {
     sf_leader *leader = &agent->leader;
-    uint32_t epoch = command->epoch;
-    uint8_t phase = command->phase;
+    const sf_order *order = &command->order;
+    const sf_order *last = &leader->order;
     bool still = before_motion(agent);
-    if (!counts(agent, command)) return false;
-    leader->run = command->run;
-    if (epoch != leader->epoch && !agent->ride) agent->fault = SF_NO_FAULT;
-    bool other_term = leader->heard && leader->term != command->term;
-    bool another = leader->known && (leader->boot != command->boot || other_term);
+    if (!counts(agent, order)) return;
+    if (order->epoch != last->epoch && !agent->ride) agent->fault = SF_NO_FAULT;
+    bool other_term = leader->heard && last->term != order->term;
+    bool another = leader->known && (last->boot != order->boot || other_term);
     leader->known = leader->heard = true;
-    leader->term = command->term;
-    leader->boot = command->boot;
-    leader->sequence = command->sequence;
-    leader->epoch = epoch;
-    leader->phase = phase;
-    leader->asks = command->wanted;
+    leader->order = *order;
     leader->heard_ns = agent->clock.now_ns;
     if (another) {
         sf_clock_start_over(&agent->clock);
@@ -148,14 +143,14 @@ bool sf_hear_command(sf_agent *agent, const sf_command *command) {
     } else if (sf_is_said_in_future(&agent->clock, command->said_ns)) {
         lose_clock(agent);
     }
-    if (phase == FREEZE || phase == OVER) {
+    if (order->phase == FREEZE || order->phase == OVER) {
         apply(agent, TOLD_TO_FREEZE);
-        agent->finished = phase == OVER && agent->phase != SF_BRAKING;
-    } else if (epoch > agent->epoch && agent->ride) {
+        agent->finished = order->phase == OVER && agent->phase != SF_BRAKING;
+    } else if (order->epoch > agent->epoch && agent->ride) {
         apply(agent, NEW_EPOCH);
-    } else if (epoch == agent->epoch && agent->ride) {
-        agent->ride->halted = phase == STOP;
-        if (phase == GO) {
+    } else if (order->epoch == agent->epoch && agent->ride) {
+        agent->ride->halted = order->phase == STOP;
+        if (order->phase == GO) {
             sf_grant(agent->ride, command->granted[0].authority_ms);
             if (agent->coming) sf_grant(agent->coming, command->granted[1].authority_ms);
             agent->start_ns = command->start_ns;
@@ -163,32 +158,30 @@ bool sf_hear_command(sf_agent *agent, const sf_command *command) {
                 apply(agent, TOLD_TO_GO);
         }
     }
-    if (command->wanted && agent->rest.epoch > 0) agent->rest.tell = true;
-    return true;
+    if (order->asks && agent->rest.epoch > 0) agent->rest.tell = true;
 }
 
 void sf_hear_clock(sf_agent *agent, const sf_answer *answer) {
     const sf_leader *leader = &agent->leader; /* Only whom it obeys tells it the time. */
-    if (!leader->known || answer->coordinator != leader->boot) return;
+    if (!leader->known || answer->coordinator != leader->order.boot) return;
     if (!sf_clock_add(&agent->clock, answer)) lose_clock(agent);
 }
 
 static bool takes_courses(const sf_agent *agent, const sf_plan *plan) {
-    uint8_t phase = agent->phase;
-    bool may = phase == SF_MOVING || phase == SF_DONE || phase == SF_FROZEN;
+    bool may = !before_motion(agent) && agent->phase != SF_BRAKING;
     return may && plan->epoch == agent->epoch;
 }
 
 static bool is_of_leader(const sf_agent *agent, const sf_plan *plan) {
-    return plan->boot == agent->leader.boot && plan->epoch == agent->leader.epoch;
+    return plan->boot == agent->leader.order.boot && plan->epoch == agent->leader.order.epoch;
 }
 
 bool sf_takes_plan(sf_agent *agent, sf_plan *plan) {
     sf_leader *leader = &agent->leader;
     if (!leader->known) {
         leader->known = true;
-        leader->boot = plan->boot;
-        leader->epoch = plan->epoch;
+        leader->order.boot = plan->boot;
+        leader->order.epoch = plan->epoch;
     }
     if (!is_of_leader(agent, plan)) return false;
     plan->next = takes_courses(agent, plan);
@@ -248,20 +241,17 @@ SHARED static int64_t plan_time_ns(const sf_agent *agent, int32_t origin_ms) {
     return now_ns < 0 ? INT64_MIN : INT64_MAX;
 }
 
-SHARED static sf_real time_now(const sf_agent *agent, const sf_course *ride) {
+/* The same as a course counts it, or what it is otherwise. */
+SHARED static sf_real time_now(const sf_agent *agent, const sf_course *ride, sf_real otherwise) {
+    if (!knows_time(agent, ride)) return otherwise;
     return sf_seconds_of_ns(plan_time_ns(agent, ride->origin_ms));
 }
 
 int64_t sf_plan_time_ms(const sf_agent *agent, const sf_course *ride) {
-    sf_real time = ride->time;
-    if (knows_time(agent, ride)) {
-#ifdef SF_DOUBLE
-        time = time_now(agent, ride);
-#else
-        return plan_time_ns(agent, 0) / MILLISECOND;
+#ifndef SF_DOUBLE
+    if (knows_time(agent, ride)) return plan_time_ns(agent, 0) / MILLISECOND;
 #endif
-    }
-    return ride->origin_ms + sf_whole(R(1000) * time);
+    return ride->origin_ms + sf_whole(R(1000) * time_now(agent, ride, ride->time));
 }
 
 static void try_to_arm(sf_agent *agent, sf_course *ride) {
@@ -279,7 +269,7 @@ static void drive(sf_agent *agent, sf_course *ride) {
     if (agent->phase == SF_MOVING) {
         sf_turn_before_start(ride, &agent->pose);
         agent->drive_turn = ride->turn;
-        sf_real now = knows_time(agent, ride) ? time_now(agent, ride) : ride->time + agent->passed;
+        sf_real now = time_now(agent, ride, ride->time + agent->passed);
         uint8_t fault = sf_trouble(ride);
         if (fault != SF_NO_FAULT) fail(agent, fault);
         else if (sf_arrived(ride)) apply(agent, ARRIVED);
@@ -310,17 +300,13 @@ static sf_course *change(sf_agent *agent) {
 static sf_course *on_course(sf_agent *agent) {
     sf_course *ride = agent->ride, *coming = agent->coming;
     bool over, stands = agent->phase == SF_FROZEN;
-    if (before_motion(agent) || (stands && agent->leader.phase != GO)) return ride;
+    if (before_motion(agent) || (stands && agent->leader.order.phase != GO)) return ride;
     sf_locate(ride, &agent->pose);
     if (stands) {
-        over = sf_rests_where(ride, coming) &&
-               (!knows_time(agent, coming) || time_now(agent, coming) >= coming->begin);
-    } else {
-        sf_real now = ride->time;
-        /* At its goal no plan time passes for a robot that does not know the time. */
-        if (knows_time(agent, ride)) now = time_now(agent, ride);
-        else if (agent->phase == SF_DONE) now = SF_INF;
-        over = sf_is_over(ride, coming, now);
+        over = sf_rests_where(ride, coming) && time_now(agent, coming, SF_INF) >= coming->begin;
+    } else { /* At its goal no plan time passes for a robot that does not know the time. */
+        sf_real now = agent->phase == SF_DONE ? SF_INF : ride->time;
+        over = sf_is_over(ride, coming, time_now(agent, ride, now));
     }
     return over ? change(agent) : ride;
 }

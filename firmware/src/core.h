@@ -58,7 +58,6 @@ typedef int32_t sf_int; /* Conversions to 64 bits take double arithmetic in some
 
 #define SF_UNKNOWN ((int64_t)1 << 62)
 #define SF_NEVER (-SF_UNKNOWN)
-#define SF_UNSAID (-SF_UNKNOWN) /* no authority [ms] */
 #define SF_NO_STAMP INT32_MIN
 
 enum { HOLD, GO, FREEZE, OVER, STOP }; /* the phase in a Command */
@@ -82,10 +81,12 @@ sf_int sf_milli(sf_real value); /* thousandths, half to even */
 sf_real sf_seconds_of_ns(int64_t ns);
 void sf_clear(void *memory, size_t bytes);
 
+enum { FAILED, AGAIN, NEXT }; /* what a piece of work on a Plan says of its stage */
+
 /* curve.c */
-void sf_curve_begin(sf_plan *plan, sf_curve *curve); /* of plan->parts spans */
+int sf_curve_begin(sf_plan *plan, sf_curve *curve); /* of plan->parts spans */
 sf_real sf_on_curve(const sf_curve *curve, sf_real s); /* s, limited to the curve's length */
-bool sf_measure_cell(sf_plan *plan, sf_curve *curve); /* false once the curve is measured */
+int sf_measure_cell(sf_plan *plan, sf_curve *curve);
 void sf_curve_place(sf_curve *curve, sf_real s);
 
 /* timeline.c */
@@ -112,7 +113,7 @@ void sf_offset(const sf_follower *follower, sf_rest *rest);
 void sf_steer(sf_course *course); /* the curvature, for the speed */
 
 /* ride.c */
-bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf_real period);
+int sf_ride_begin(const sf_plan *plan, sf_course *course, const sf_robot *robot);
 sf_real sf_time_of_ms(const sf_course *course, int64_t plan_ms);
 void sf_grant(sf_course *course, int64_t authority_ms);
 bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal);
@@ -151,22 +152,22 @@ bool sf_clock_within(const sf_clock *clock, int limit_ms);
 /* agent.c: at agent->clock.now_ns, which every call from outside sets */
 #define ROBOT(agent) ((const sf_robot *)(agent)->robot)
 
-/* How far a course may be driven. */
+/* How far the course of a number may be driven; 0: no farther than it was. */
 typedef struct {
     int64_t authority_ms;
     uint32_t number;
+    bool said; /* of this one, not of all */
 } sf_granted;
 
 typedef struct {
-    uint8_t phase;
-    bool wanted;
-    uint32_t boot, term, sequence, epoch, run, first, last;
+    sf_order order;
+    uint32_t first, last;
     int32_t headroom_ms;
     int64_t start_ns, said_ns;
     sf_granted granted[2]; /* of the present course, of the newer one */
 } sf_command;
 
-bool sf_hear_command(sf_agent *agent, const sf_command *command);
+void sf_hear_command(sf_agent *agent, const sf_command *command);
 void sf_hear_clock(sf_agent *agent, const sf_answer *answer);
 bool sf_takes_plan(sf_agent *agent, sf_plan *plan);
 void sf_plan_taken(sf_agent *agent, sf_course *course, bool valid);

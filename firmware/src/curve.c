@@ -113,7 +113,7 @@ SHARED static void end_table(sf_curve *curve, sf_real u, sf_real s) {
     cell->slope = (float)(R(1) / sf_most(speed(curve, u), R(1e-9)));
 }
 
-void sf_curve_begin(sf_plan *plan, sf_curve *curve) {
+int sf_curve_begin(sf_plan *plan, sf_curve *curve) {
     const sf_real *knot = curve->knots + curve->degree;
     unsigned spans = plan->parts, parts = SF_CELLS / spans, enough = MOST_CELLS / spans;
     if (enough < LEAST_CELLS_PER_SPAN) enough = LEAST_CELLS_PER_SPAN;
@@ -126,12 +126,13 @@ void sf_curve_begin(sf_plan *plan, sf_curve *curve) {
     curve->piece->knot = curve->spare->knot = NULL;
     curve->knot = knot;
     end_table(curve, R(0), R(0));
+    return NEXT;
 }
 
-bool sf_measure_cell(sf_plan *plan, sf_curve *curve) {
+int sf_measure_cell(sf_plan *plan, sf_curve *curve) {
     const sf_real *knot = plan->knot, *last = curve->knots + curve->count;
     curve->length = curve->last->s;
-    if (knot > last) return false;
+    if (knot > last) return NEXT;
     unsigned part = plan->at++;
     sf_real step = (*knot - knot[-1]) / (sf_real)plan->parts, u0 = knot[-1] + (sf_real)part * step;
     sf_real u1 = u0 + step, size = R(0);
@@ -149,5 +150,5 @@ bool sf_measure_cell(sf_plan *plan, sf_curve *curve) {
         curve->last++;
         end_table(curve, u1, curve->length + size);
     }
-    return true;
+    return AGAIN;
 }

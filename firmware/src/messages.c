@@ -21,14 +21,14 @@ typedef struct {
 } held;
 
 static const sf_field COMMAND_FIELDS[] = {
-    FIELD(SF_U32, sf_command, boot), FIELD(SF_U32, sf_command, term),
-    FIELD(SF_U32, sf_command, sequence), FIELD(SF_U32, sf_command, epoch),
-    FIELD(SF_U8, sf_command, phase), FIELD(SF_STAMP, sf_command, start_ns),
+    FIELD(SF_U32, sf_command, order.boot), FIELD(SF_U32, sf_command, order.term),
+    FIELD(SF_U32, sf_command, order.sequence), FIELD(SF_U32, sf_command, order.epoch),
+    FIELD(SF_U8, sf_command, order.phase), FIELD(SF_STAMP, sf_command, start_ns),
     FIELD(SF_STAMP, sf_command, said_ns), FIELD(SF_I32 | SF_OPTIONAL, sf_command, headroom_ms),
     END,
     FIELD(SF_U32 | SF_OPTIONAL, sf_command, first), FIELD(SF_U32 | SF_OPTIONAL, sf_command, last),
     END,
-    FIELD(SF_U32 | SF_OPTIONAL, sf_command, run), END,
+    FIELD(SF_U32 | SF_OPTIONAL, sf_command, order.run), END,
 };
 static const sf_field HELD_FIELDS[] = {
     FIELD(SF_U32, held, number), FIELD(SF_I32, held, time_ms), END,
@@ -50,43 +50,44 @@ SHARED static uint32_t open_list(sf_reader *reader, uint32_t most, uint32_t *lef
     return reader->bad ? 0 : count;
 }
 
-SHARED static bool hear_command(sf_agent *agent, sf_reader *reader) {
+static bool hear_command(sf_agent *agent, sf_reader *reader) {
     sf_command command = {.last = UINT32_MAX};
     sf_granted *const end = command.granted + 2, *one;
     uint32_t left;
     held pair;
     command.granted[0].number = agent->number;
     command.granted[1].number = agent->next_number;
-    for (one = command.granted; one < end; one++) one->authority_ms = SF_UNSAID;
     const sf_field *fields = sf_get_fields(reader, &command, COMMAND_FIELDS);
     for (uint32_t count = open_list(reader, MOST_HELD, &left); count > 0; count--) {
         if (sf_get_array(reader) != 2) return false;
         sf_get_fields(reader, &pair, HELD_FIELDS);
         for (one = command.granted; one < end; one++)
-            if (pair.number == one->number && one->authority_ms == SF_UNSAID)
+            if (pair.number == one->number && !one->said) {
                 one->authority_ms = pair.time_ms;
+                one->said = true;
+            }
     }
     reader->left = left;
     fields = sf_get_fields(reader, &command, fields);
     for (uint32_t count = open_list(reader, MOST_WANTED, &left); count > 0; count--) {
         sf_get_text(reader);
         if (!sf_is_id(reader)) return false;
-        if (sf_is_named(reader, ROBOT(agent)->id)) command.wanted = true;
+        if (sf_is_named(reader, ROBOT(agent)->id)) command.order.asks = true;
     }
     reader->left = left;
     sf_get_fields(reader, &command, fields);
-    if (!sf_close(reader) || command.phase > STOP) return false;
-    if (agent->newest_term == command.term && agent->newest_boot == command.boot &&
-        agent->newest_sequence >= command.sequence)
+    if (!sf_close(reader) || command.order.phase > STOP) return false;
+    if (agent->newest_term == command.order.term && agent->newest_boot == command.order.boot &&
+        agent->newest_sequence >= command.order.sequence)
         return true;
-    agent->newest_term = command.term;
-    agent->newest_boot = command.boot;
-    agent->newest_sequence = command.sequence;
+    agent->newest_term = command.order.term;
+    agent->newest_boot = command.order.boot;
+    agent->newest_sequence = command.order.sequence;
     int64_t plan_ns = sf_difference(command.said_ns, command.start_ns);
     int64_t all_ms = sf_floor_ratio(plan_ns, MILLISECOND) + command.headroom_ms;
     for (one = command.granted; one < end; one++) {
-        if (one->authority_ms == SF_UNSAID) one->authority_ms = all_ms;
-        if (one->number < command.first || one->number > command.last) one->authority_ms = SF_UNSAID;
+        if (!one->said) one->authority_ms = all_ms;
+        if (one->number < command.first || one->number > command.last) one->authority_ms = 0;
     }
     sf_hear_command(agent, &command);
     return true;
@@ -158,7 +159,7 @@ SHARED static uint8_t *put_int(uint8_t *at, int32_t value) { return put_long(at,
 
 SHARED static uint8_t *put_count(uint8_t *at, uint32_t value) { return put_long(at, value); }
 
-SHARED static uint8_t *put_double(uint8_t *at, double value) {
+static uint8_t *put_double(uint8_t *at, double value) {
     union {
         double value;
         uint64_t bits;
@@ -196,7 +197,7 @@ static uint8_t *put_hello(uint8_t *at, const sf_agent *agent) {
     at = put_byte(put_tag(at, 11, HELLO), PROTOCOL_VERSION);
     at = put_double(put_count(at, robot->boot), robot->radius);
     at = put_double(put_double(at, robot->max_speed), robot->max_accel);
-    bool may_tell = agent->leader.phase == FREEZE || agent->leader.asks;
+    bool may_tell = agent->leader.order.phase == FREEZE || agent->leader.order.asks;
     if (agent->has_pose && may_tell && agent->spent_epoch == 0) {
         at = put_milli(put_byte(at, ARRAY_HEAD + 3), agent->pose.at[SF_X]);
         at = put_milli(put_milli(at, agent->pose.at[SF_Y]), agent->pose.heading);
@@ -207,7 +208,7 @@ static uint8_t *put_hello(uint8_t *at, const sf_agent *agent) {
     return put_count(put_count(at, SF_STOPS), SF_BYTES);
 }
 
-SHARED static uint8_t *put_report(uint8_t *at, sf_agent *agent) {
+static uint8_t *put_report(uint8_t *at, sf_agent *agent) {
     const sf_rest *rest = &agent->rest;
     sf_course *ride = agent->ride;
     bool moves = agent->phase == SF_MOVING, on_course = moves || agent->phase == SF_DONE;
@@ -235,7 +236,7 @@ SHARED static uint8_t *put_report(uint8_t *at, sf_agent *agent) {
 /* ---- what is due ---- */
 
 /* Whether it is a period since something was sent. */
-SHARED static bool is_due(const sf_agent *agent, int64_t sent_ns) {
+static bool is_due(const sf_agent *agent, int64_t sent_ns) {
     return agent->clock.now_ns - sent_ns >= SEND_PERIOD;
 }
 

@@ -7,10 +7,8 @@
 
 #include "core.h"
 
-enum { NONE, FIELDS, CHECKSUM, NUMBERS, CURVE, SPEED_KNOTS, STOPS, LEGS, CELLS, RIDE,
+enum { NONE, FIELDS, CHECKSUM, NUMBERS, BEGIN, CURVE, MEASURE, SPEED_KNOTS, STOPS, LEGS, CELLS, RIDE,
        TAKE };
-
-enum { FAILED, AGAIN, NEXT }; /* what a piece of work says of its stage */
 
 enum { POINTS, KNOTS, WEIGHTS, SPEEDS, PROFILE, PACKED_STOPS, FIELDS_PACKED };
 
@@ -49,12 +47,12 @@ static int64_t departure_ns(const uint8_t *stop) {
 }
 
 /* Read the fields, and check what has to hold for the message to be acceptable. */
-static int read_fields(sf_plan *plan, const char *id) {
+static int read_fields(sf_plan *plan, const sf_robot *robot) {
     sf_reader reader;
     sf_open(&reader, plan->bytes, plan->length);
     const sf_field *fields = sf_get_fields(&reader, plan, PLAN_FIELDS);
     sf_get_text(&reader);
-    if (!sf_is_named(&reader, id)) return FAILED;
+    if (!sf_is_named(&reader, robot->id)) return FAILED;
     sf_get_fields(&reader, plan, fields);
     if (plan->tau_ns < 0 || plan->tau_ns > 1000 * SECOND || plan->clock_ms < 1) return FAILED;
     if (plan->degree < 1 || plan->degree > SF_DEGREE) return FAILED;
@@ -68,31 +66,27 @@ static int read_fields(sf_plan *plan, const char *id) {
     return sf_close(&reader) ? NEXT : FAILED;
 }
 
-/* CRC-32 (reflected polynomial 0xEDB88320), half a byte at a time. */
+/* CRC-32 (reflected polynomial 0xEDB88320), a bit at a time; some bytes more. */
 static int check_sum(sf_plan *plan) {
-    static const uint32_t TABLE[16] = {
-        0x00000000, 0x1DB71064, 0x3B6E20C8, 0x26D930AC, 0x76DC4190, 0x6B6B51F4,
-        0x4DB26158, 0x5005713C, 0xEDB88320, 0xF00F9344, 0xD6D6A3E8, 0xCB61B38C,
-        0x9B64C2B0, 0x86D3D2D4, 0xA00AE278, 0xBDBDF21C,
-    };
-    uint32_t crc = plan->crc, at = plan->at, end = plan->length - SEAL_BYTES;
-    const uint8_t *seal = plan->bytes + end;
-    for (int i = 0; at < end; i++) {
-        if (i == 64) {
-            plan->at = at;
-            plan->crc = crc;
-            return AGAIN;
+    const uint8_t *seal = plan->bytes + plan->length - SEAL_BYTES;
+    uint32_t crc = plan->crc;
+    for (int i = 20; i > 0; i--) {
+        const uint8_t *at = plan->bytes + plan->at;
+        if (at == seal) {
+            uint32_t sealed = seal[4] | (uint32_t)seal[3] << 8;
+            sealed |= (uint32_t)seal[2] << 16 | (uint32_t)seal[1] << 24;
+            return seal[0] == 0xCE && sealed == ~crc ? NEXT : FAILED;
         }
-        crc ^= plan->bytes[at++];
-        crc = crc >> 4 ^ TABLE[crc & 15];
-        crc = crc >> 4 ^ TABLE[crc & 15];
+        crc ^= *at;
+        plan->at++;
+        for (int bit = 8; bit > 0; bit--) crc = crc >> 1 ^ (crc & 1 ? 0xEDB88320 : 0);
     }
-    uint32_t sealed = (uint32_t)seal[1] << 24 | (uint32_t)seal[2] << 16 | (uint32_t)seal[3] << 8 | seal[4];
-    return seal[0] == 0xCE && sealed == ~crc ? NEXT : FAILED;
+    plan->crc = crc;
+    return AGAIN;
 }
 
 /* Check the next numbers of the packed fields, `at` bytes into field `stop`. */
-SHARED static int check_numbers(sf_plan *plan) {
+static int check_numbers(sf_plan *plan) {
     unsigned field = plan->stop, at = plan->at, end = plan->counts[field] * SIZES[field][0];
     const uint8_t *packed = plan->packed[field];
     for (int i = 0; at < end; i++, at += SIZES[field][1]) {
@@ -107,19 +101,25 @@ SHARED static int check_numbers(sf_plan *plan) {
     return ++plan->stop < FIELDS_PACKED ? AGAIN : NEXT;
 }
 
-static void begin_course(const sf_plan *plan, sf_course *course) {
+/* Begin a course, if the robot takes the Plan. */
+static int begin(sf_plan *plan, sf_agent *agent) {
+    if (!sf_takes_plan(agent, plan)) return FAILED;
+    sf_course *course = &agent->courses[agent->ride == &agent->courses[0]];
+    sf_timeline *line = &course->timeline;
+    sf_curve *curve = &course->curve;
+    plan->course = course;
     sf_clear(course, offsetof(sf_course, timeline));
     course->begin_ms = plan->begin_ms;
 #ifndef SF_DOUBLE
     course->origin_ms = plan->begin_ms;
 #endif
-    course->begin = course->time = course->timeline.finish = sf_time_of_ms(course, plan->begin_ms);
-    course->timeline.most_v = R(0);
-    course->timeline.leg = course->timeline.next = course->timeline.knots = course->timeline.end =
-        course->knots;
-    course->curve.degree = plan->degree;
-    course->curve.axes = plan->degree == 3 ? SF_WEIGHT : SF_AXES;
-    course->curve.count = plan->counts[POINTS];
+    course->begin = course->time = line->finish = sf_time_of_ms(course, plan->begin_ms);
+    line->most_v = R(0);
+    line->leg = line->next = line->knots = line->end = course->knots;
+    curve->degree = plan->degree;
+    curve->axes = plan->degree == 3 ? SF_WEIGHT : SF_AXES;
+    curve->count = plan->counts[POINTS];
+    return NEXT;
 }
 
 /* Whether all there is fits a course, and each other. */
@@ -151,9 +151,7 @@ SHARED static int read_curve(sf_plan *plan, sf_curve *curve) {
         curve->points[SF_Y][i] = real(point + 4) * weight;
         curve->points[SF_WEIGHT][i] = weight;
     }
-    if (i < count + degree) return AGAIN;
-    sf_curve_begin(plan, curve);
-    return NEXT;
+    return i < count + degree ? AGAIN : NEXT;
 }
 
 /* Add a speed knot behind the others, or where it belongs if they are sorted. */
@@ -187,7 +185,7 @@ static int read_stop(sf_plan *plan, sf_timeline *line) {
 }
 
 /* Add the legs up to the next speed knot, with the stops between. */
-static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
+SHARED static int add_legs(sf_plan *plan, sf_timeline *line) {
     const sf_knot *leg = line->next;
     line->length = leg->s;
     line->most_v = sf_most(line->most_v, leg->v);
@@ -204,7 +202,7 @@ static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
             sf_real v = SF_SQRT(sf_positive(leg->v * leg->v + slope * (s - leg->s)));
             if (!add_knot(line, s, v, true) || !sf_timeline_leg(line)) return FAILED;
         }
-        sf_real departs = sf_seconds_of_ns(departure_ns(stop) - origin_ms * MILLISECOND);
+        sf_real departs = sf_seconds_of_ns(departure_ns(stop) - plan->course->origin_ms * MILLISECOND);
         if (!(sf_abs(departs) < R(1e6))) return FAILED;
         line->finish = sf_most(line->finish, departs);
     }
@@ -212,48 +210,39 @@ static int add_legs(sf_plan *plan, sf_timeline *line, int32_t origin_ms) {
 }
 
 /* Do one piece of the work on a Plan. */
-SHARED static int work_on(sf_agent *agent, sf_plan *plan, sf_course *course) {
-    const sf_robot *robot = ROBOT(agent);
+SHARED static int work_on(sf_plan *plan, sf_agent *agent) {
+    sf_course *course = plan->course;
     switch (plan->stage) {
-    case FIELDS: return read_fields(plan, robot->id);
+    case FIELDS: return read_fields(plan, ROBOT(agent));
     case CHECKSUM: return check_sum(plan);
-    case NUMBERS: {
-        int done = check_numbers(plan);
-        if (done != NEXT) return done;
-        if (!sf_takes_plan(agent, plan)) return FAILED;
-        plan->course = &agent->courses[agent->ride == &agent->courses[0]];
-        begin_course(plan, plan->course);
-        return NEXT;
-    }
+    case NUMBERS: return check_numbers(plan);
+    case BEGIN: return begin(plan, agent);
     case CURVE: return read_curve(plan, &course->curve);
+    case MEASURE: return sf_curve_begin(plan, &course->curve);
     case SPEED_KNOTS: return read_speed(plan, &course->timeline);
     case STOPS: return read_stop(plan, &course->timeline);
-    case LEGS: return add_legs(plan, &course->timeline, course->origin_ms);
-    case CELLS: return sf_measure_cell(plan, &course->curve) ? AGAIN : NEXT;
-    case RIDE: {
-        sf_real period = sf_seconds_of_ns(robot->period_ns);
-        return sf_ride_begin(course, plan, robot->speed_limit, period) ? NEXT : FAILED;
-    }
+    case LEGS: return add_legs(plan, &course->timeline);
+    case CELLS: return sf_measure_cell(plan, &course->curve);
+    case RIDE: return sf_ride_begin(plan, course, ROBOT(agent));
     default: return NEXT;
     }
 }
 
 void sf_read_plan(sf_agent *agent, int work) {
     static const uint8_t WORK[] = {
-        [FIELDS] = 24, [CHECKSUM] = 18, [NUMBERS] = 6, [CURVE] = 2,
-        [SPEED_KNOTS] = 1, [STOPS] = 2, [LEGS] = 4, [CELLS] = 8, [RIDE] = 40, [TAKE] = 40,
+        [FIELDS] = 24, [CHECKSUM] = 20, [NUMBERS] = 6, [BEGIN] = 20, [CURVE] = 2, [MEASURE] = 40,
+        [SPEED_KNOTS] = 1, [STOPS] = 2, [LEGS] = 4, [CELLS] = 12, [RIDE] = 40, [TAKE] = 40,
     };
     sf_plan *plan = &agent->plan;
     if (!sf_is_reading(agent)) return;
     do {
-        sf_course *course = plan->course;
         unsigned stage = plan->stage;
-        work -= stage == CELLS && course->curve.axes == SF_AXES ? 24 : WORK[stage];
-        int done = work_on(agent, plan, course);
+        work -= stage == CELLS && plan->course->curve.axes == SF_AXES ? 24 : WORK[stage];
+        int done = work_on(plan, agent);
         if (done == AGAIN) continue;
         plan->at = plan->stop = 0;
         plan->stage = done == NEXT && stage < TAKE ? (uint8_t)(stage + 1) : NONE;
-        if (plan->stage == NONE && stage > NUMBERS) sf_plan_taken(agent, course, done == NEXT);
+        if (plan->stage == NONE && stage > BEGIN) sf_plan_taken(agent, plan->course, done == NEXT);
     } while (work > 0 && plan->stage != NONE && plan->stage <= CELLS); /* The rest takes a tick each. */
 }
 

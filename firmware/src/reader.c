@@ -32,7 +32,7 @@ static bool lacks(const sf_reader *reader, uint32_t bytes) {
     return bytes > (size_t)(reader->end - reader->at);
 }
 
-static void pass(sf_reader *reader, uint32_t bytes) {
+SHARED static void pass(sf_reader *reader, uint32_t bytes) {
     if (lacks(reader, bytes)) fail(reader);
     else reader->at += bytes;
 }

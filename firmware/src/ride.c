@@ -53,7 +53,7 @@ static sf_real begin_of(const sf_course *coming, const sf_course *course) {
 }
 
 /* Until when the robot may drive one course, as another one counts it. */
-SHARED static sf_real told(const sf_course *of, const sf_course *course) {
+static sf_real told(const sf_course *of, const sf_course *course) {
     return sf_time_of_ms(course, of->told_ms);
 }
 
@@ -80,11 +80,12 @@ static void limit_authority(sf_course *course) {
 }
 
 /* Of a course whose curve and timeline are there, and all else but its beginning zeros. */
-bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf_real period) {
+int sf_ride_begin(const sf_plan *plan, sf_course *course, const sf_robot *robot) {
     sf_timeline *line = &course->timeline;
+    sf_real period = sf_seconds_of_ns(robot->period_ns);
     sf_real length = course->curve.length;
-    if (!(length > R(0)) || !(length < R(1e6))) return false;
-    if (sf_abs(line->length - length) > ARRIVAL_SLACK) return false;
+    if (!(length > R(0)) || !(length < R(1e6))) return FAILED;
+    if (sf_abs(line->length - length) > ARRIVAL_SLACK) return FAILED;
     course->follower.tangent_s = SF_INF;
     course->follower.tx = R(1);
     course->clock_ms = plan->clock_ms;
@@ -102,7 +103,7 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
     sf_s_at(line, course->begin);
     course->from_rest = course->at_once || line->v == R(0);
     course->slack = sf_most(ARRIVAL_SLACK, LATE_SHARE * course->track);
-    course->limit = max_speed > R(0) ? max_speed : SPARE_SPEED * line->most_v;
+    course->limit = robot->speed_limit > R(0) ? robot->speed_limit : SPARE_SPEED * line->most_v;
     course->since[SF_BRAKES] = course->stuck_s = course->since[SF_PACED] = -SF_INF;
     course->rest_x = course->pace = course->until = course->rests = SF_INF;
     course->rate = sf_clamp(course->limit / line->most_v, R(1), MOST_HURRY);
@@ -110,7 +111,7 @@ bool sf_ride_begin(sf_course *course, const sf_plan *plan, sf_real max_speed, sf
     course->foresight = HOLD_OUT + course->reaction + course->limit / course->brake;
     limit_authority(course);
     sf_curve_place(&course->curve, R(0)); /* Whether a course leads there is then found sooner. */
-    return true;
+    return NEXT;
 }
 
 void sf_grant(sf_course *course, int64_t authority_ms) {

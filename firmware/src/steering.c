@@ -82,6 +82,12 @@ SHARED static void take(sf_course *course) {
     follower->heading_error = turned_from_tangent(course, follower->pose.heading);
 }
 
+/* See the last pose from where the robot is, and take that. */
+SHARED static void look(sf_course *course) {
+    see(course, course->follower.s, course->follower.pose.at);
+    take(course);
+}
+
 void sf_locate(sf_course *course, const sf_pose *pose) {
     sf_follower *follower = &course->follower;
     sf_real x = pose->at[SF_X], y = pose->at[SF_Y], heading = pose->heading, began = follower->s, before;
@@ -127,8 +133,7 @@ void sf_find(sf_course *course) {
     sf_follower *follower = &course->follower;
     sf_real s = follower->s, step = SEARCH_STEP;
     if (!follower->located) return;
-    see(course, s, follower->pose.at);
-    take(course);
+    look(course);
     sf_real off = follower->off, lateral = follower->lateral;
     if (off * off <= lateral * lateral + BESIDE * BESIDE) return;
     sf_real place = sf_on_curve(&course->curve, s - SEARCH_WAY);
@@ -138,8 +143,7 @@ void sf_find(sf_course *course) {
         step *= R(0.5);
         if (!nearer(course, follower->s - step)) nearer(course, follower->s + step);
     }
-    see(course, follower->s, follower->pose.at);
-    take(course);
+    look(course);
 }
 
 /* The offset in a report; all zeros for a robot that is far away. */
