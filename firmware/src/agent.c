@@ -31,7 +31,7 @@ static const uint8_t TRANSITIONS[6][EVENTS] = {
 };
 
 void sf_init(sf_agent *agent, const sf_robot *robot) {
-    sf_clear(agent, sizeof *agent);
+    memset(agent, 0, sizeof *agent);
     agent->robot = robot;
     agent->ticked_ns = SF_UNKNOWN;
     agent->leader.heard_ns = SF_NEVER;
@@ -334,7 +334,7 @@ void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real head
     agent->passed = sf_least(sf_positive(sf_seconds_of_ns(passed_ns)), HOLD_OUT);
     agent->has_pose = x == x;
     agent->pose = (sf_pose){{x, y}, heading};
-    if (!agent->has_pose) sf_clear(&agent->pose, sizeof agent->pose);
+    if (!agent->has_pose) memset(&agent->pose, 0, sizeof agent->pose);
     sf_clock_follow(&agent->clock, sf_is_on_its_way(agent));
     agent->drive_speed = agent->drive_curvature = agent->drive_distance = agent->drive_turn = R(0);
     if (agent->ride) decide(agent);
@@ -344,9 +344,4 @@ void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real head
 bool sf_may_leave(const sf_agent *agent, int64_t now_ns) {
     bool left = agent->phase == SF_DONE && is_silent(&agent->leader, now_ns, LEAVE_TIMEOUT);
     return left || agent->finished || agent->refused;
-}
-
-bool sf_start_pose(sf_agent *agent, sf_real *x, sf_real *y, sf_real *heading) {
-    if (agent->ride) sf_start_of(agent->ride, x, y, heading);
-    return agent->ride;
 }

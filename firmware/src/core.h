@@ -5,7 +5,8 @@
 
 #include "splinefleet.h"
 
-/* Of the C library, declared here because a freestanding compiler has no math.h. */
+/* Of the C library, declared here because a freestanding compiler has no string.h and math.h. */
+void *memset(void *memory, int byte, size_t bytes);
 #ifdef SF_DOUBLE
 double fabs(double), sqrt(double), sin(double), cos(double), atan2(double, double);
 #define SF_NAME(function) function
@@ -79,7 +80,6 @@ sf_int sf_whole(sf_real value);   /* towards 0; saturates */
 sf_int sf_floor(sf_real value);   /* saturates */
 sf_int sf_milli(sf_real value); /* thousandths, half to even */
 sf_real sf_seconds_of_ns(int64_t ns);
-void sf_clear(void *memory, size_t bytes);
 
 enum { FAILED, AGAIN, NEXT }; /* what a piece of work on a Plan says of its stage */
 
@@ -103,7 +103,6 @@ typedef struct {
 } sf_apart;
 
 /* steering.c: the curve of a follower is that of its course */
-void sf_start_of(sf_course *course, sf_real *x, sf_real *y, sf_real *heading);
 sf_apart sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there);
 sf_apart sf_start_from(sf_course *course, const sf_pose *pose); /* the turn that is needed */
 void sf_locate(sf_course *course, const sf_pose *pose);

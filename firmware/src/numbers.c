@@ -1,4 +1,4 @@
-/* Numbers: limits, rounding, seconds, zeros. */
+/* Numbers: limits, rounding, seconds. */
 
 #include "core.h"
 
@@ -35,7 +35,3 @@ sf_int sf_floor(sf_real value) {
 sf_int sf_milli(sf_real value) { return sf_whole((R(1000) * value + UNIT) - UNIT); }
 
 sf_real sf_seconds_of_ns(int64_t ns) { return (sf_real)ns / R(1e9); }
-
-void sf_clear(void *memory, size_t bytes) {
-    for (uint8_t *at = memory; bytes > 0; bytes--) *at++ = 0;
-}

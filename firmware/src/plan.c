@@ -108,7 +108,7 @@ static int begin(sf_plan *plan, sf_agent *agent) {
     sf_timeline *line = &course->timeline;
     sf_curve *curve = &course->curve;
     plan->course = course;
-    sf_clear(course, offsetof(sf_course, timeline));
+    memset(course, 0, offsetof(sf_course, timeline));
     course->begin_ms = plan->begin_ms;
 #ifndef SF_DOUBLE
     course->origin_ms = plan->begin_ms;
@@ -249,7 +249,7 @@ void sf_read_plan(sf_agent *agent, int work) {
 bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length) {
     sf_plan *plan = &agent->plan;
     if (sf_is_reading(agent) || length <= SEAL_BYTES) return false;
-    sf_clear(plan, sizeof *plan);
+    memset(plan, 0, sizeof *plan);
     plan->bytes = bytes;
     plan->length = (uint16_t)length;
     plan->stage = FIELDS;

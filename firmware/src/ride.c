@@ -110,7 +110,6 @@ int sf_ride_begin(const sf_plan *plan, sf_course *course, const sf_robot *robot)
     course->reaction = REACTION_TICKS * period;
     course->foresight = HOLD_OUT + course->reaction + course->limit / course->brake;
     limit_authority(course);
-    sf_curve_place(&course->curve, R(0)); /* Whether a course leads there is then found sooner. */
     return NEXT;
 }
 
@@ -125,14 +124,13 @@ bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
     bool rests = coming->from_rest;
     sf_real begin = begin_of(coming, course), time = begin;
     sf_real reported = sf_time_of_ms(course, course->stamp_ms - (int64_t)LATE_STEP_MS * course->late);
-    bool ends = at_goal || begin >= line->finish || told(course, course) <= begin;
-    if (!rests) time = sf_most(sf_most(begin, course->time), reported);
-    bool passed = course->time > time || reported > time;
+    sf_real latest = sf_most(course->time, reported);
+    if (!rests) time = sf_most(begin, latest);
     sf_real s = planned_s(course, time), there = planned_s(coming, as_of(coming, course, time));
     sf_apart joint = sf_joint(course, at_goal ? line->length : s, coming, there);
     if (joint.off > JOINT_GAP) return false;
-    if (rests && ends) return true;
-    if (passed) return false;
+    if (rests && (at_goal || begin >= line->finish || told(course, course) <= begin)) return true;
+    if (latest > time) return false;
     if (rests && line->v == R(0)) return true;
     return sf_abs(line->v - coming->timeline.v) <= JOINT_SPEED && sf_abs(joint.turn) <= JOINT_TURN;
 }
@@ -263,6 +261,12 @@ SHARED static void pass_period(sf_course *course) {
     for (int what = 0; what < SF_SINCE; what++) course->since[what] -= passed;
 }
 
+/* Drive on for a distance at most, and steer. */
+SHARED static void drive_on(sf_course *course, sf_real distance) {
+    course->distance = sf_positive(distance);
+    sf_steer(course);
+}
+
 static void brake_on(sf_course *course) {
     sf_real passed = course->watch - course->since[SF_BRAKES];
     course->speed = course->brake_speed;
@@ -270,8 +274,7 @@ static void brake_on(sf_course *course) {
         course->speed = sf_positive(course->speed - course->brake * passed);
     sf_real later = course->time + passed + HOLD_OUT;
     sf_real most = room(course, sf_least(later, course->authority));
-    course->distance = sf_positive(sf_least(most, course->speed * HOLD_OUT));
-    sf_steer(course);
+    drive_on(course, sf_least(most, course->speed * HOLD_OUT));
 }
 
 /* The plan time by which a robot drives that lags behind now: it runs as fast as the robot's
@@ -329,8 +332,7 @@ void sf_keep_to_plan(sf_course *course, sf_real now) {
     course->speed = sf_least(sf_positive(speed + more), course->limit);
     sf_real distance = room(course, time + HOLD_OUT);
     if (course->authority < time + course->foresight) distance = within_authority(course, distance);
-    course->distance = sf_positive(distance);
-    sf_steer(course);
+    drive_on(course, distance);
 }
 
 SHARED void sf_begin_to_brake(sf_course *course) {

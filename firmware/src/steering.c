@@ -52,11 +52,14 @@ SHARED static sf_real turned_from_tangent(const sf_course *course, sf_real headi
     return angle(follower->tx, follower->ty, SF_COS(heading), SF_SIN(heading));
 }
 
-void sf_start_of(sf_course *course, sf_real *x, sf_real *y, sf_real *heading) {
+bool sf_start_pose(sf_agent *agent, sf_real *x, sf_real *y, sf_real *heading) {
+    sf_course *course = agent->ride;
+    if (!course) return false;
     tangent_at(course, R(0));
     *x = course->curve.at[SF_X];
     *y = course->curve.at[SF_Y];
     *heading = SF_ATAN2(course->follower.ty, course->follower.tx);
+    return true;
 }
 
 sf_apart sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there) {
