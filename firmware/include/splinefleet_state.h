@@ -72,6 +72,7 @@ typedef struct {
     const sf_cell *cell; /* where the curve was evaluated last */
     sf_cell *last;       /* of the table: where the curve ends */
     const sf_real *knot; /* where the piece begins that was evaluated last */
+    const sf_real *end;  /* the first knot at the curve's end */
     sf_piece *piece, *spare;
     sf_piece pieces[2];
     sf_real knots[SF_POINTS + SF_DEGREE + 1];
@@ -110,7 +111,7 @@ typedef struct {
     int32_t begin_ms, origin_ms, stamp_ms;
     int64_t told_ms;
     sf_real speed, curvature, distance, turn; /* the command */
-    sf_real track, brake, period, catch_up, slack, limit, rate, reaction, foresight;
+    sf_real track, brake, period, catch_up, slack, limit, hurry, reaction, foresight;
     sf_real watch, since[SF_SINCE], until, rests, pace, rest_x, rest_y, stuck_s, pace_s;
     sf_real brake_speed, authority, granted, time, begin;
     sf_timeline timeline;

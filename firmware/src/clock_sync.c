@@ -14,7 +14,7 @@
 #define CLOSED INT64_MIN /* no message can name this time */
 
 /* Let an interval grow on either side by what clocks drift apart in a time. */
-SHARED static void widen(sf_interval *interval, int64_t passed_ns) {
+static void widen(sf_interval *interval, int64_t passed_ns) {
     int64_t error = 1 + sf_floor_ratio(passed_ns, 1000000 / DRIFT_PPM);
     interval->low_ns -= error;
     interval->high_ns += error;
@@ -26,7 +26,10 @@ SHARED static void aged(const sf_clock *clock, sf_interval *interval) {
     widen(interval, clock->now_ns - clock->at_ns);
 }
 
-static int64_t middle(int64_t low, int64_t high) { return (low >> 1) + (high >> 1) + (low & high & 1); }
+static int64_t middle(const sf_interval *interval) {
+    uint64_t width = (uint64_t)interval->high_ns - (uint64_t)interval->low_ns;
+    return interval->low_ns + (int64_t)(width / 2);
+}
 
 /* The question that was asked at this time; NULL if none was, or it is closed. */
 static int64_t *question(sf_clock *clock, int64_t sent_ns) {
@@ -67,17 +70,16 @@ bool sf_clock_add(sf_clock *clock, const sf_answer *answer) {
     *open = CLOSED;
     int64_t passed = clock->now_ns - sent;
     if (passed < 0 || passed > LONGEST_DELAY) return true;
-    sf_interval old, new = {answered - clock->now_ns, received - sent};
-    const sf_interval *kept = clock->good > 0 ? &old : &new;
+    sf_interval new = {answered - clock->now_ns, received - sent}, *kept = &clock->interval;
     widen(&new, passed);
-    aged(clock, &old);
-    if (clock->good == 0 && !clock->compares) old = new;
-    if (old.low_ns < new.low_ns) old.low_ns = new.low_ns;
-    if (old.high_ns > new.high_ns) old.high_ns = new.high_ns;
-    if (old.low_ns > old.high_ns) return false;
-    clock->interval = *kept;
+    aged(clock, kept);
+    if (clock->good == 0 && !clock->compares) *kept = new;
+    if (kept->low_ns < new.low_ns) kept->low_ns = new.low_ns;
+    if (kept->high_ns > new.high_ns) kept->high_ns = new.high_ns;
+    if (kept->low_ns > kept->high_ns) return false; /* Then it starts over. */
+    if (clock->good == 0) *kept = new;
     clock->at_ns = clock->now_ns;
-    clock->middle_ns = middle(kept->low_ns, kept->high_ns);
+    clock->middle_ns = middle(kept);
     clock->compares = false;
     if (clock->good < UINT32_MAX) clock->good++;
     if (!clock->slewing) clock->offset_ns = clock->middle_ns;

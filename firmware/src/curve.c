@@ -45,8 +45,8 @@ static void expand(const sf_curve *curve, int axis, const sf_real *knot, sf_real
 /* The polynomials at u, from the two that are kept or newly expanded into the older one. */
 static sf_piece *piece_at(sf_curve *curve, sf_real u) {
     sf_piece *piece = curve->piece;
-    const sf_real *knot = curve->knot, *last = curve->knots + curve->count - 1;
-    while (knot < last && u >= knot[1]) knot++;
+    const sf_real *knot = curve->knot;
+    while (knot + 1 < curve->end && u >= knot[1]) knot++;
     while (u < *knot) knot--;
     curve->knot = knot;
     if (piece->knot == knot) return piece;
@@ -97,7 +97,7 @@ void sf_curve_place(sf_curve *curve, sf_real s) {
     sf_real value = rest * rest * ((R(1) + R(2) * part) * cell->u + part * m0);
     sf_real more = (R(3) - R(2) * part) * cell[1].u - rest * m1;
     value += part * part * more;
-    evaluate(curve, sf_least(sf_positive(value), curve->knots[curve->count + curve->degree]));
+    evaluate(curve, sf_least(sf_positive(value), *curve->end));
 }
 
 SHARED static sf_real speed(sf_curve *curve, sf_real u) {
@@ -125,12 +125,13 @@ int sf_curve_begin(sf_plan *plan, sf_curve *curve) {
     curve->spare = &curve->pieces[1];
     curve->piece->knot = curve->spare->knot = NULL;
     curve->knot = knot;
+    curve->end = curve->knots + curve->count;
     end_table(curve, R(0), R(0));
     return NEXT;
 }
 
 int sf_measure_cell(sf_plan *plan, sf_curve *curve) {
-    const sf_real *knot = plan->knot, *last = curve->knots + curve->count;
+    const sf_real *knot = plan->knot, *last = curve->end;
     curve->length = curve->last->s;
     if (knot > last) return NEXT;
     unsigned part = plan->at++;

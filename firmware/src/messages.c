@@ -8,7 +8,6 @@
 #define MOST_REASON 200
 #define MOST_MESSAGE 4000
 #define PROTOCOL_VERSION 3
-#define SF_UNANSWERED INT64_MIN /* no message can name this time */
 
 /* ---- reading ---- */
 
@@ -105,12 +104,12 @@ static bool hear_refusal(sf_agent *agent, sf_reader *reader) {
 
 static bool hear_clock(sf_agent *agent, sf_reader *reader) {
     sf_answer answer;
-    answer.received_ns = answer.answered_ns = SF_UNANSWERED;
+    answer.received_ns = INT64_MAX; /* A question is answered before it was received: it does not count. */
+    answer.answered_ns = INT64_MIN;
     answer.coordinator = 0;
     sf_get_fields(reader, &answer, CLOCK_FIELDS);
     if (!sf_close(reader)) return false;
-    bool answered = answer.received_ns != SF_UNANSWERED && answer.answered_ns != SF_UNANSWERED;
-    if (answered && answer.boot == ROBOT(agent)->boot) sf_hear_clock(agent, &answer);
+    if (answer.boot == ROBOT(agent)->boot) sf_hear_clock(agent, &answer);
     return true;
 }
 

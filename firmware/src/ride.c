@@ -106,7 +106,7 @@ int sf_ride_begin(const sf_plan *plan, sf_course *course, const sf_robot *robot)
     course->limit = robot->speed_limit > R(0) ? robot->speed_limit : SPARE_SPEED * line->most_v;
     course->since[SF_BRAKES] = course->stuck_s = course->since[SF_PACED] = -SF_INF;
     course->rest_x = course->pace = course->until = course->rests = SF_INF;
-    course->rate = sf_clamp(course->limit / line->most_v, R(1), MOST_HURRY);
+    course->hurry = sf_clamp(course->limit / line->most_v, R(1), MOST_HURRY) * period;
     course->reaction = REACTION_TICKS * period;
     course->foresight = HOLD_OUT + course->reaction + course->limit / course->brake;
     limit_authority(course);
@@ -159,13 +159,11 @@ bool sf_is_over(sf_course *course, sf_course *coming, sf_real now) {
 
 void sf_follow(sf_course *course, sf_course *before) {
     if (!course->from_rest) {
-        sf_real passed = before->follower.s - planned_s(before, before->until);
         course->time = sf_most(course->begin, as_of(course, before, before->time));
+        sf_real passed = before->follower.s - planned_s(before, before->until);
         course->follower.s = sf_least(sf_positive(passed), course->timeline.length);
     }
     course->halted = before->halted;
-    course->holds = false;
-    limit_authority(course);
     course->may_turn = course->from_rest;
     course->watch = course->since[SF_PACED] = before->watch;
     course->speed = before->speed;
@@ -205,7 +203,7 @@ void sf_reckon(sf_course *course, int64_t now_ms) {
 }
 
 /* Whether the robot is more than GRACE behind a plan time. */
-static bool lags(sf_course *course, sf_real time) {
+SHARED static bool lags(sf_course *course, sf_real time) {
     return !(course->follower.s >= planned_s(course, time - GRACE) - bearable(course));
 }
 
@@ -282,7 +280,7 @@ static void brake_on(sf_course *course) {
 static sf_real advanced(sf_course *course, sf_real now) {
     if (lags(course, course->time)) return course->time;
     sf_real time = sf_rest_until(&course->timeline, course->time);
-    return sf_least(time + course->rate * course->period, now);
+    return sf_least(time + course->hurry, now);
 }
 
 /* The room that is left, at most to where the authority ends; limits the speed. */
