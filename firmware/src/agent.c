@@ -37,7 +37,8 @@ void sf_init(sf_agent *agent, const sf_robot *robot) {
     agent->leader.heard_ns = SF_NEVER;
     agent->newest_sequence = -1;
     agent->reported_ns = agent->hello_ns = SF_NEVER;
-    sf_clock_begin(&agent->clock);
+    agent->clock.now_ns = SF_NEVER;
+    sf_clock_start_over(&agent->clock);
 }
 
 static bool before_motion(const sf_agent *agent) {

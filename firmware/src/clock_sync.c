@@ -11,7 +11,8 @@
 #define LONGEST_DELAY (10 * SECOND)
 /* Asked so often, the robot asks every CLOCK_PERIOD. */
 #define MOST_ASKED (CLOCK_SAMPLES * (CLOCK_PERIOD / CLOCK_PERIOD_FAST - 1))
-#define CLOSED INT64_MIN /* no message can name this time */
+/* A question's place in the ring holds this and when it was asked; 0, as at first, is none that is open. */
+#define OPEN INT64_MIN
 
 /* Let an interval grow on either side by what clocks drift apart in a time. */
 static void widen(sf_interval *interval, int64_t passed_ns) {
@@ -34,7 +35,7 @@ static int64_t middle(const sf_interval *interval) {
 /* The question that was asked at this time; NULL if none was, or it is closed. */
 static int64_t *question(sf_clock *clock, int64_t sent_ns) {
     for (int64_t *at = clock->open_ns; at < clock->open_ns + SF_QUESTIONS; at++)
-        if (*at == sent_ns) return at;
+        if (*at == (sent_ns ^ OPEN)) return at;
     return NULL;
 }
 
@@ -43,13 +44,6 @@ SHARED static void doubt(sf_clock *clock) {
     clock->asked_ns = -SF_UNKNOWN;
     clock->good = clock->asked = 0;
     clock->period_ns = CLOCK_PERIOD_FAST;
-}
-
-void sf_clock_begin(sf_clock *clock) {
-    clock->interval = (sf_interval){-SF_UNKNOWN, SF_UNKNOWN};
-    for (int i = 0; i < SF_QUESTIONS; i++) clock->open_ns[i] = CLOSED;
-    clock->now_ns = -SF_UNKNOWN;
-    doubt(clock);
 }
 
 void sf_clock_start_over(sf_clock *clock) {
@@ -67,7 +61,7 @@ bool sf_clock_add(sf_clock *clock, const sf_answer *answer) {
     int64_t sent = answer->sent_ns, received = answer->received_ns, answered = answer->answered_ns;
     int64_t *open = question(clock, sent);
     if (sent < clock->since_ns || answered < received || !open) return true;
-    *open = CLOSED;
+    *open = 0;
     int64_t passed = clock->now_ns - sent;
     if (passed < 0 || passed > LONGEST_DELAY) return true;
     sf_interval new = {answered - clock->now_ns, received - sent}, *kept = &clock->interval;
@@ -110,7 +104,8 @@ bool sf_clock_asks(sf_clock *clock, int enough_ms, bool moving) {
     int64_t passed = clock->now_ns - clock->asked_ns;
     bool rarely = (moving || clock->good >= CLOCK_SAMPLES) && sf_clock_within(clock, enough_ms);
     if (passed < (rarely ? CLOCK_PERIOD : clock->period_ns)) return false;
-    clock->asked_ns = clock->open_ns[clock->place++ % SF_QUESTIONS] = clock->now_ns;
+    clock->asked_ns = clock->now_ns;
+    clock->open_ns[clock->place++ % SF_QUESTIONS] = clock->now_ns ^ OPEN;
     if (rarely) clock->asked = 0;
     else if (clock->asked < MOST_ASKED) clock->asked++;
     clock->period_ns = (uint32_t)CLOCK_PERIOD_FAST * (1u + clock->asked / CLOCK_SAMPLES);

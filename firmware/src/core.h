@@ -139,7 +139,6 @@ typedef struct {
     uint32_t boot, coordinator;
 } sf_answer;
 
-void sf_clock_begin(sf_clock *clock);
 void sf_clock_start_over(sf_clock *clock);
 void sf_clock_doubt(sf_clock *clock);
 bool sf_clock_add(sf_clock *clock, const sf_answer *answer);

@@ -131,18 +131,15 @@ int sf_curve_begin(sf_plan *plan, sf_curve *curve) {
 }
 
 int sf_measure_cell(sf_plan *plan, sf_curve *curve) {
-    const sf_real *knot = plan->knot, *last = curve->end;
+    const sf_real *knot = plan->knot;
     curve->length = curve->last->s;
-    if (knot > last) return NEXT;
-    unsigned part = plan->at++;
-    sf_real step = (*knot - knot[-1]) / (sf_real)plan->parts, u0 = knot[-1] + (sf_real)part * step;
+    if (knot > curve->end) return NEXT;
+    sf_real step = (*knot - knot[-1]) / (sf_real)plan->parts, u0 = knot[-1] + (sf_real)plan->at * step;
     sf_real u1 = u0 + step, size = R(0);
-    if (plan->at >= plan->parts) { /* Go on with the next span, which ends at a greater knot. */
+    if (++plan->at == plan->parts || step == R(0)) { /* Go on with the next span; this may be empty. */
         u1 = *knot;
         plan->at = 0;
-        do knot++;
-        while (knot <= last && !(*knot > u1));
-        plan->knot = knot;
+        plan->knot++;
     }
     sf_real middle = R(0.5) * (u0 + u1), half = R(0.5) * (u1 - u0);
     for (int i = 0; i < 5; i++) size += GAUSS[i][1] * speed(curve, middle + half * GAUSS[i][0]);
