@@ -20,10 +20,10 @@ from benchmarks.firmware.trials import TICKS, TRIALS, events, fleets
 from benchmarks.table import ROOT, Row
 from firmware.micropython.native.build import native_code
 from tests.firmware.building import (
-    CORE,
     CORTEX_M4F,
     FIRMWARE,
     IN_PARTS,
+    SMALLEST,
     answers,
     code_size,
     host,
@@ -48,11 +48,11 @@ _QEMU: Final = (
 
 
 def sizes() -> list[Row]:
-    """Return the bytes of code of each source, and of the state, with the largest frame allowed."""
-    code = code_size(objects(CORTEX_M4F))
-    rows: list[Row] = [{"part": name, "bytes": size} for name, size in code.items()]
-    rows.append({"part": "all code and constants", "bytes": sum(code.values())})
-    rows.append({"part": "state of an agent", "bytes": state_size()})
+    """Return the bytes of code of each source, smallest first, and those of the state."""
+    small, code = code_size(objects(SMALLEST)), code_size(objects(CORTEX_M4F))
+    rows: list[Row] = [{"part": name, "-Oz": small[name], "-Os": code[name]} for name in code]
+    rows.append({"part": "all code", "-Oz": sum(small.values()), "-Os": sum(code.values())})
+    rows.append({"part": "state of an agent", "-Oz": state_size(), "-Os": state_size()})
     return rows
 
 
@@ -115,9 +115,9 @@ def _can_emulate() -> bool:
 
 
 def _image(folder: Path, program: str) -> Path:
-    """Build the image of a program, with the core and headers of the folder."""
+    """Build the image of a program, with the core's smallest code and headers of the folder."""
     image = folder / "image.elf"
-    sources = [*map(str, CORE), str(_HERE / program)]
+    sources = [*map(str, objects(SMALLEST)), str(_HERE / program)]
     script = [f"-I{folder}", "-T", str(_HERE / "cortex_m4.ld")]
     subprocess.run([*_GCC, *script, *sources, "-lm", "-o", str(image)], check=True)
     return image

@@ -81,9 +81,10 @@ typedef struct {
 } sf_curve;
 
 typedef struct {
-    sf_real length, finish, most_v, v;
+    sf_real finish, most_v, v;
     const sf_knot *leg; /* where the robot was last */
     sf_knot *next;      /* the leg to be added; behind the last one */
+    sf_real length;
     sf_knot *knots, *end;
 } sf_timeline;
 
@@ -126,7 +127,7 @@ typedef struct {
 typedef struct {
     uint8_t place; /* in open_ns, of the next question */
     bool slewing, compares;
-    uint32_t good, asked, period_ns;
+    uint32_t good, asked;
     int64_t now_ns, offset_ns, at_ns, middle_ns, asked_ns, since_ns, followed_ns;
     sf_interval interval;          /* where the offset lay at at_ns */
     int64_t open_ns[SF_QUESTIONS]; /* when open questions were asked; a ring */
@@ -134,9 +135,9 @@ typedef struct {
 
 /* What a Command tells every robot, and this one: whether it asks where that is. */
 typedef struct {
-    uint8_t phase;
     bool asks;
     uint32_t boot, term, sequence, epoch, run;
+    uint8_t phase;
 } sf_order;
 
 typedef struct {
@@ -147,9 +148,10 @@ typedef struct {
 
 typedef struct {
     bool tell;
+    uint32_t revision;
     int16_t off, turn, beyond;
-    uint32_t epoch, revision;
     sf_real s;
+    uint32_t epoch;
 } sf_rest;
 
 /* A Plan message that is being read. */

@@ -43,7 +43,6 @@ SHARED static void doubt(sf_clock *clock) {
     clock->since_ns = clock->now_ns;
     clock->asked_ns = -SF_UNKNOWN;
     clock->good = clock->asked = 0;
-    clock->period_ns = CLOCK_PERIOD_FAST;
 }
 
 void sf_clock_start_over(sf_clock *clock) {
@@ -103,12 +102,12 @@ void sf_clock_follow(sf_clock *clock, bool slewing) {
 bool sf_clock_asks(sf_clock *clock, int enough_ms, bool moving) {
     int64_t passed = clock->now_ns - clock->asked_ns;
     bool rarely = (moving || clock->good >= CLOCK_SAMPLES) && sf_clock_within(clock, enough_ms);
-    if (passed < (rarely ? CLOCK_PERIOD : clock->period_ns)) return false;
+    uint32_t period_ns = (uint32_t)CLOCK_PERIOD_FAST * (1u + clock->asked / CLOCK_SAMPLES);
+    if (passed < (rarely ? CLOCK_PERIOD : period_ns)) return false;
     clock->asked_ns = clock->now_ns;
     clock->open_ns[clock->place++ % SF_QUESTIONS] = clock->now_ns ^ OPEN;
     if (rarely) clock->asked = 0;
     else if (clock->asked < MOST_ASKED) clock->asked++;
-    clock->period_ns = (uint32_t)CLOCK_PERIOD_FAST * (1u + clock->asked / CLOCK_SAMPLES);
     return true;
 }
 

@@ -77,7 +77,6 @@ static inline int64_t sf_difference(int64_t a, int64_t b) {
 }
 int64_t sf_floor_ratio(int64_t a, int64_t b);
 sf_int sf_whole(sf_real value);   /* towards 0; saturates */
-sf_int sf_floor(sf_real value);   /* saturates */
 sf_int sf_milli(sf_real value); /* thousandths, half to even */
 sf_real sf_seconds_of_ns(int64_t ns);
 
@@ -158,11 +157,11 @@ typedef struct {
 } sf_granted;
 
 typedef struct {
-    sf_order order;
+    sf_granted granted[2]; /* of the present course, of the newer one */
     uint32_t first, last;
     int32_t headroom_ms;
+    sf_order order;
     int64_t start_ns, said_ns;
-    sf_granted granted[2]; /* of the present course, of the newer one */
 } sf_command;
 
 void sf_hear_command(sf_agent *agent, const sf_command *command);

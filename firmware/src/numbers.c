@@ -27,11 +27,6 @@ int64_t sf_floor_ratio(int64_t a, int64_t b) {
 /* The order of the limits makes one of NaN. */
 SHARED sf_int sf_whole(sf_real value) { return (sf_int)sf_clamp(-LARGEST, value, LARGEST); }
 
-sf_int sf_floor(sf_real value) {
-    sf_int number = sf_whole(value);
-    return (sf_real)number > value ? number - 1 : number;
-}
-
 sf_int sf_milli(sf_real value) { return sf_whole((R(1000) * value + UNIT) - UNIT); }
 
 sf_real sf_seconds_of_ns(int64_t ns) { return (sf_real)ns / R(1e9); }

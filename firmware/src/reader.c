@@ -130,12 +130,15 @@ bool sf_close(sf_reader *reader) {
 }
 
 bool sf_is_id(const sf_reader *reader) {
-    static const uint32_t ALLOWED[4] = {0, 0x03FF6000, 0x87FFFFFE, 0x07FFFFFE}; /* - . 0-9 A-Z _ a-z */
     const uint8_t *text = reader->content;
     uint32_t length = reader->length;
     if (length < 1 || length > 32) return false;
-    for (; length > 0; length--, text++)
-        if (*text >= 128 || !(ALLOWED[*text / 32] >> *text % 32 & 1)) return false;
+    for (; length > 0; length--) {
+        uint32_t one = *text++;
+        if ((one | 32) - 'a' < 26) continue; /* a letter */
+        if (one - '0' < 10 || one - '-' < 2 || one == '_') continue;
+        return false;
+    }
     return true;
 }
 

@@ -110,6 +110,7 @@ int sf_ride_begin(const sf_plan *plan, sf_course *course, const sf_robot *robot)
     course->reaction = REACTION_TICKS * period;
     course->foresight = HOLD_OUT + course->reaction + course->limit / course->brake;
     limit_authority(course);
+    sf_curve_place(&course->curve, R(0)); /* Whether a course leads there is then found sooner. */
     return NEXT;
 }
 
@@ -186,6 +187,11 @@ SHARED static sf_real bearable(const sf_course *course) {
     return sf_least(course->slack, course->track - course->follower.off);
 }
 
+static sf_int floor_of(sf_real value) {
+    sf_int number = sf_whole(value);
+    return (sf_real)number > value ? number - 1 : number;
+}
+
 void sf_reckon(sf_course *course, int64_t now_ms) {
     sf_timeline *line = &course->timeline;
     sf_real reached = course->follower.s + bearable(course);
@@ -194,7 +200,7 @@ void sf_reckon(sf_course *course, int64_t now_ms) {
     if (reached < planned_s(course, sf_time_of_ms(course, now_ms)) || now_ms > MOST_STAMP) {
         sf_real passed = sf_time_at(line, sf_positive(reached));
         passed -= TIME_ERROR * sf_abs(passed);
-        int64_t passed_ms = course->origin_ms + (int64_t)sf_floor(R(1000) * passed);
+        int64_t passed_ms = course->origin_ms + (int64_t)floor_of(R(1000) * passed);
         int64_t late_ms = now_ms - passed_ms;
         if (late_ms > MOST_LATE * LATE_STEP_MS || now_ms > MOST_STAMP) stamp_ms = passed_ms;
         else if (late_ms > 0) course->late = (uint16_t)(((int)late_ms + LATE_STEP_MS - 1) / LATE_STEP_MS);
