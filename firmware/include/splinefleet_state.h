@@ -36,7 +36,7 @@ typedef float sf_real;
 #endif
 #endif
 #ifndef SF_WORK
-#define SF_WORK 24 /* work per tick on reading a Plan, in units of 50 instructions; 0: all at once */
+#define SF_WORK 24 /* work per tick on reading a Plan, in units of up to 80 instructions; 0: all at once */
 #endif
 
 #define SF_DEGREE 7 /* the highest degree on the wire */
@@ -85,7 +85,7 @@ typedef struct {
     const sf_knot *leg; /* where the robot was last */
     sf_knot *next;      /* the leg to be added; behind the last one */
     sf_real length;
-    sf_knot *knots, *end;
+    sf_knot *knots, *end; /* those of the course */
 } sf_timeline;
 
 typedef struct {
@@ -112,7 +112,8 @@ typedef struct {
     int32_t begin_ms, origin_ms, stamp_ms;
     int64_t told_ms;
     sf_real speed, curvature, distance, turn; /* the command */
-    sf_real track, brake, period, catch_up, slack, limit, hurry, reaction, foresight;
+    sf_real track, brake, period, catch_up, slack, limit, reaction, foresight;
+    sf_real hurry; /* how much plan time passes in a tick at most, when the robot is late */
     sf_real watch, since[SF_SINCE], until, rests, pace, rest_x, rest_y, stuck_s, pace_s;
     sf_real brake_speed, authority, granted, time, begin;
     sf_timeline timeline;
@@ -136,8 +137,7 @@ typedef struct {
 /* What a Command tells every robot, and this one: whether it asks where that is. */
 typedef struct {
     bool asks;
-    uint32_t boot, term, sequence, epoch, run;
-    uint8_t phase;
+    uint32_t boot, term, sequence, epoch, run, phase;
 } sf_order;
 
 typedef struct {
@@ -156,10 +156,11 @@ typedef struct {
 
 /* A Plan message that is being read. */
 typedef struct {
-    uint8_t stage, degree;
+    uint8_t stage;
     bool next; /* of the epoch that the robot drives in */
-    uint16_t length, track_mm, clock_ms;
     uint16_t counts[6];
+    uint32_t degree, track_mm, clock_ms;
+    uint16_t length;
     int32_t begin_ms;
     uint32_t at, stop, parts;
     uint32_t crc, epoch, boot, number, revision, brake_mmps2;

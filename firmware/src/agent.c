@@ -11,19 +11,18 @@
 #define HOLD_OUT R(0.05)
 
 enum {
-    READY, NOT_READY, TOLD_TO_GO, TOLD_TO_FREEZE, NEW_EPOCH, TROUBLE, AT_REST, ARRIVED, LEFT_PATH,
-    NEW_COURSE, EVENTS
+    READY, NOT_READY, TOLD_TO_GO, TOLD_TO_FREEZE, NEW_EPOCH, AT_REST, ARRIVED, LEFT_PATH, NEW_COURSE,
+    EVENTS,
+    TROUBLE = TOLD_TO_FREEZE /* changes the same */
 };
 
 /* [phase][event] -> phase + 1; 0 leaves it unchanged. */
 static const uint8_t TRANSITIONS[6][EVENTS] = {
     [SF_IDLE] = {[READY] = SF_ARMED + 1, [NEW_EPOCH] = SF_IDLE + 1},
     [SF_ARMED] = {[NOT_READY] = SF_IDLE + 1, [TOLD_TO_GO] = SF_MOVING + 1,
-                  [TOLD_TO_FREEZE] = SF_FROZEN + 1, [TROUBLE] = SF_FROZEN + 1,
-                  [NEW_EPOCH] = SF_IDLE + 1},
-    [SF_MOVING] = {[TOLD_TO_FREEZE] = SF_BRAKING + 1, [TROUBLE] = SF_BRAKING + 1,
-                   [NEW_EPOCH] = SF_BRAKING + 1, [ARRIVED] = SF_DONE + 1,
-                   [LEFT_PATH] = SF_BRAKING + 1},
+                  [TOLD_TO_FREEZE] = SF_FROZEN + 1, [NEW_EPOCH] = SF_IDLE + 1},
+    [SF_MOVING] = {[TOLD_TO_FREEZE] = SF_BRAKING + 1, [NEW_EPOCH] = SF_BRAKING + 1,
+                   [ARRIVED] = SF_DONE + 1, [LEFT_PATH] = SF_BRAKING + 1},
     [SF_BRAKING] = {[AT_REST] = SF_FROZEN + 1, [ARRIVED] = SF_DONE + 1},
     [SF_FROZEN] = {[NEW_EPOCH] = SF_IDLE + 1, [NEW_COURSE] = SF_MOVING + 1},
     [SF_DONE] = {[NEW_EPOCH] = SF_IDLE + 1, [NEW_COURSE] = SF_MOVING + 1,
@@ -144,18 +143,19 @@ void sf_hear_command(sf_agent *agent, const sf_command *command) {
     } else if (sf_is_said_in_future(&agent->clock, command->said_ns)) {
         lose_clock(agent);
     }
+    sf_course *ride = agent->ride;
     if (order->phase == FREEZE || order->phase == OVER) {
         apply(agent, TOLD_TO_FREEZE);
         agent->finished = order->phase == OVER && agent->phase != SF_BRAKING;
-    } else if (order->epoch > agent->epoch && agent->ride) {
+    } else if (ride && order->epoch > agent->epoch) {
         apply(agent, NEW_EPOCH);
-    } else if (order->epoch == agent->epoch && agent->ride) {
-        agent->ride->halted = order->phase == STOP;
+    } else if (ride && order->epoch == agent->epoch) {
+        ride->halted = order->phase == STOP;
         if (order->phase == GO) {
-            sf_grant(agent->ride, command->granted[0].authority_ms);
+            sf_grant(ride, command->granted[0].authority_ms);
             if (agent->coming) sf_grant(agent->coming, command->granted[1].authority_ms);
             agent->start_ns = command->start_ns;
-            if (command->said_ns >= command->start_ns || knows_time(agent, agent->ride))
+            if (command->said_ns >= command->start_ns || knows_time(agent, ride))
                 apply(agent, TOLD_TO_GO);
         }
     }
@@ -242,7 +242,7 @@ SHARED static int64_t plan_time_ns(const sf_agent *agent, int32_t origin_ms) {
     return now_ns < 0 ? INT64_MIN : INT64_MAX;
 }
 
-/* The same as a course counts it, or what it is otherwise. */
+/* The same as a course counts it; `otherwise` for a robot that does not know the time. */
 SHARED static sf_real time_now(const sf_agent *agent, const sf_course *ride, sf_real otherwise) {
     if (!knows_time(agent, ride)) return otherwise;
     return sf_seconds_of_ns(plan_time_ns(agent, ride->origin_ms));

@@ -15,7 +15,7 @@
 #define OPEN INT64_MIN
 
 /* Let an interval grow on either side by what clocks drift apart in a time. */
-static void widen(sf_interval *interval, int64_t passed_ns) {
+SHARED static void widen(sf_interval *interval, int64_t passed_ns) {
     int64_t error = 1 + sf_floor_ratio(passed_ns, 1000000 / DRIFT_PPM);
     interval->low_ns -= error;
     interval->high_ns += error;

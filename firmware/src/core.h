@@ -191,7 +191,7 @@ typedef struct {
     uint8_t kind, at;
 } sf_field;
 
-enum { SF_U8 = 1, SF_U16, SF_U32, SF_I32, SF_STAMP, SF_OPTIONAL = 8, SF_NULLABLE = 16 };
+enum { SF_U32 = 1, SF_I32, SF_STAMP, SF_OPTIONAL = 8, SF_NULLABLE = 16 };
 
 int sf_open(sf_reader *reader, const uint8_t *bytes, size_t length); /* the message's tag */
 int64_t sf_get_int(sf_reader *reader);

@@ -22,7 +22,7 @@ typedef struct {
 static const sf_field COMMAND_FIELDS[] = {
     FIELD(SF_U32, sf_command, order.boot), FIELD(SF_U32, sf_command, order.term),
     FIELD(SF_U32, sf_command, order.sequence), FIELD(SF_U32, sf_command, order.epoch),
-    FIELD(SF_U8, sf_command, order.phase), FIELD(SF_STAMP, sf_command, start_ns),
+    FIELD(SF_U32, sf_command, order.phase), FIELD(SF_STAMP, sf_command, start_ns),
     FIELD(SF_STAMP, sf_command, said_ns), FIELD(SF_I32 | SF_OPTIONAL, sf_command, headroom_ms),
     END,
     FIELD(SF_U32 | SF_OPTIONAL, sf_command, first), FIELD(SF_U32 | SF_OPTIONAL, sf_command, last),

@@ -21,7 +21,7 @@ enum { SEAL_BYTES = 5, STOP_BYTES = 12, MOST_PACKED = 3600 };
 static const sf_field PLAN_FIELDS[] = {
     FIELD(SF_U32, epoch), FIELD(SF_U32, boot), {0, 0},
     FIELD(SF_U32, number), FIELD(SF_U32, revision), FIELD(SF_I32, begin_ms), FIELD(SF_STAMP, tau_ns),
-    FIELD(SF_U16, track_mm), FIELD(SF_U32, brake_mmps2), FIELD(SF_U16, clock_ms), FIELD(SF_U8, degree),
+    FIELD(SF_U32, track_mm), FIELD(SF_U32, brake_mmps2), FIELD(SF_U32, clock_ms), FIELD(SF_U32, degree),
     {0, 0},
 };
 
@@ -54,7 +54,8 @@ static int read_fields(sf_plan *plan, const sf_robot *robot) {
     sf_get_text(&reader);
     if (!sf_is_named(&reader, robot->id)) return FAILED;
     sf_get_fields(&reader, plan, fields);
-    if (plan->tau_ns < 0 || plan->tau_ns > 1000 * SECOND || plan->clock_ms < 1) return FAILED;
+    if (plan->tau_ns < 0 || plan->tau_ns > 1000 * SECOND || plan->track_mm > UINT16_MAX) return FAILED;
+    if (plan->clock_ms < 1 || plan->clock_ms > UINT16_MAX) return FAILED;
     if (plan->degree < 1 || plan->degree > SF_DEGREE) return FAILED;
     for (int field = 0; field < FIELDS_PACKED; field++) {
         unsigned size = SIZES[field][0];
@@ -116,7 +117,7 @@ static int begin(sf_plan *plan, sf_agent *agent) {
     course->begin = course->time = line->finish = sf_time_of_ms(course, plan->begin_ms);
     line->most_v = R(0);
     line->leg = line->next = line->knots = line->end = course->knots;
-    curve->degree = plan->degree;
+    curve->degree = (uint8_t)plan->degree;
     curve->axes = plan->degree == 3 ? SF_WEIGHT : SF_AXES;
     curve->count = plan->counts[POINTS];
     return NEXT;

@@ -91,8 +91,6 @@ const sf_field *sf_get_fields(sf_reader *reader, void *into, const sf_field *fie
         }
         int64_t value = sf_get_int(reader);
         switch (field->kind % SF_OPTIONAL) {
-        case SF_U8: fits = value == (*(uint8_t *)at = (uint8_t)value); break;
-        case SF_U16: fits = value == (*(uint16_t *)at = (uint16_t)value); break;
         case SF_U32: fits = value == (*(uint32_t *)at = (uint32_t)value); break;
         case SF_I32: fits = value == (*(int32_t *)at = (int32_t)value); break;
         default:

@@ -88,7 +88,7 @@ int sf_ride_begin(const sf_plan *plan, sf_course *course, const sf_robot *robot)
     if (sf_abs(line->length - length) > ARRIVAL_SLACK) return FAILED;
     course->follower.tangent_s = SF_INF;
     course->follower.tx = R(1);
-    course->clock_ms = plan->clock_ms;
+    course->clock_ms = (uint16_t)plan->clock_ms;
     course->stamp_ms = SF_NO_STAMP;
     course->track = R(plan->track_mm) / R(1000);
     course->brake = R(plan->brake_mmps2) / R(1000);
@@ -104,7 +104,7 @@ int sf_ride_begin(const sf_plan *plan, sf_course *course, const sf_robot *robot)
     course->from_rest = course->at_once || line->v == R(0);
     course->slack = sf_most(ARRIVAL_SLACK, LATE_SHARE * course->track);
     course->limit = robot->speed_limit > R(0) ? robot->speed_limit : SPARE_SPEED * line->most_v;
-    course->since[SF_BRAKES] = course->stuck_s = course->since[SF_PACED] = -SF_INF;
+    course->stuck_s = course->since[SF_PACED] = -SF_INF;
     course->rest_x = course->pace = course->until = course->rests = SF_INF;
     course->hurry = sf_clamp(course->limit / line->most_v, R(1), MOST_HURRY) * period;
     course->reaction = REACTION_TICKS * period;
@@ -266,7 +266,7 @@ SHARED static void pass_period(sf_course *course) {
 }
 
 /* Drive on for a distance at most, and steer. */
-SHARED static void drive_on(sf_course *course, sf_real distance) {
+static void drive_on(sf_course *course, sf_real distance) {
     course->distance = sf_positive(distance);
     sf_steer(course);
 }
