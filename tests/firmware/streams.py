@@ -188,22 +188,29 @@ def make_plan(
     pose: tuple[float, float, float],
     speed: float = 0.0,
     cubic: bool = False,
+    repeats: bool = False,
 ) -> Course:
-    """Return a random course from a pose; with `speed` it begins in motion, straight ahead."""
+    """Return a random course from a pose; with `speed` it begins in motion, straight ahead.
+
+    With `repeats` some knots come several times, and some control points twice.
+    """
     degree = rng.choice([3, 3, 3, 3, 3, 1, 2, 4, 5, 7]) if speed == 0.0 and not cubic else 3
     count = rng.randint(degree + 1, 40)
     (x, y, heading), bend = pose, 0.0
     points, step = [(x, y)], rng.uniform(0.1, 0.5)
     for i in range(1, count):
         x, y = x + step * math.cos(heading), y + step * math.sin(heading)
-        points.append((x, y))
+        again = repeats and i > 2 and rng.random() < 0.15
+        points.append(points[-1] if again else (x, y))
         if i > degree:
             bend = max(min(bend + rng.uniform(-0.3, 0.3), 0.4), -0.4)
             heading += bend if degree > 1 else 0.0
     spans = count - degree
     knots, knot = [], 0.0
     for _ in range(spans):
-        knot += rng.choice([1.0, 1.0, 1.0, rng.uniform(0.3, 2.0)])
+        inner = 0 < len(knots) < spans - 2 and knots.count(knot) < degree
+        if not (repeats and inner and rng.random() < 0.35):
+            knot += rng.choice([1.0, 1.0, 1.0, rng.uniform(0.3, 2.0)])
         knots.append(knot)
     weights = [] if cubic or rng.random() < 0.7 else [rng.uniform(0.5, 2.0) for _ in points]
     packed = pack_points(points)
@@ -260,7 +267,8 @@ class Trial:
 
     `trouble`: the share of events that are not as they should be.  `courses`: whether the robot is
     sent newer courses on its way.  `cubic`: whether all are cubic without weights, as the planner's
-    are.  `go_after`: how many ticks pass before GO.
+    are.  `repeats`: whether knots and control points repeat.  `absurd`: whether the coordinator's
+    clock jumps by centuries.  `go_after`: how many ticks pass before GO.
     """
 
     def __init__(
@@ -270,10 +278,13 @@ class Trial:
         *,
         courses: bool = True,
         cubic: bool = False,
+        repeats: bool = False,
+        absurd: bool = False,
         go_after: int = 60,
     ) -> None:
         self.rng, self.courses, self.trouble = random.Random(seed), courses, trouble
-        self.cubic, self.go_after = cubic, go_after
+        self.cubic, self.repeats, self.absurd = cubic, repeats, absurd
+        self.go_after = go_after
         rng = self.rng
         robot = Robot(ID, 0.2, rng.choice([0.0, 0.6, 0.8]), rng.choice([0.0, 0.5]), SIZES)
         self.robots = Robots(robot, rng.randint(0, 2**32 - 1))
@@ -303,8 +314,7 @@ class Trial:
         self.now_ns += PERIOD_NS
         if self._luck(0.003):
             self.now_ns += rng.randint(0, 200 * MILLISECOND)
-        if self._luck(0.001):
-            self.offset_ns += rng.randint(-(10**9), 10**9)
+        self._jump()
         if tick == 20 and self.course is None:
             self._send_plan()
         if tick % 10 == 0:
@@ -326,6 +336,15 @@ class Trial:
         self._move()
         if self.courses and agent.phase in (MOVING, DONE, FROZEN) and rng.random() < 0.01:
             self._send_course()
+
+    def _jump(self) -> None:
+        rng = self.rng
+        if self._luck(0.001):
+            self.offset_ns += rng.randint(-(10**9), 10**9)
+        if self.absurd and rng.random() < 0.02:
+            ends = [sign * 2**power + rng.choice([0, 5]) for sign in (-1, 1) for power in (61, 62)]
+            self.offset_ns = rng.choice(ends) - self.now_ns
+            self.start_ns = rng.choice([*ends, self.now_ns + self.offset_ns])
 
     def _hear(self, kind: str, payload: bytes) -> None:
         if self._luck(0.02):
@@ -351,7 +370,9 @@ class Trial:
         pose = self.pose if base.at is None else tuple(base.at)
         self.pose = pose  # type: ignore[assignment]
         if self.course is None or self.course.plan.epoch != self.epoch or self._luck(0.2):
-            self.course = make_plan(self.rng, self.epoch, 0, 0, pose, 0.0, self.cubic)  # type: ignore[arg-type]
+            self.course = make_plan(  # type: ignore[arg-type]
+                self.rng, self.epoch, 0, 0, pose, 0.0, self.cubic, self.repeats
+            )
             if self._luck(0.3):
                 base.at = [
                     pose[0] + self.rng.gauss(0, 0.01), pose[1] + self.rng.gauss(0, 0.01),
@@ -395,8 +416,10 @@ class Trial:
         if not -900_000 < begin < 900_000:
             return
         self.revision = max(self.revision, agent.holds) + 1
-        plan = (self.epoch, self.revision, round(1000 * begin), pose, speed, self.cubic)
-        following = make_plan(self.rng, *plan)
+        begin_ms = round(1000 * begin)
+        following = make_plan(
+            self.rng, self.epoch, self.revision, begin_ms, pose, speed, self.cubic, self.repeats
+        )
         message = msgspec.structs.replace(following.plan, boot=self.boot, number=4)
         self._hear("plan", encode(message))
         self.course = following

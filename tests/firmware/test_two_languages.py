@@ -24,6 +24,19 @@ def test_both_cores_answer_to_the_last_bit_alike_whatever_happens(exact_core, se
         assert told == expected, f"tick {number}"
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_both_cores_drive_alike_where_knots_and_points_repeat(exact_core, seed):
+    stream = Trial(seed, trouble=0.3, repeats=True).stream(TICKS)
+    assert answers(exact_core, stream.lines) == stream.ticks
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_stamps_that_are_centuries_apart_overflow_nothing(exact_core, robot_core, seed):
+    stream = Trial(seed, absurd=True).stream(TICKS)
+    assert answers(exact_core, stream.lines) == stream.ticks
+    assert len(answers(robot_core, stream.lines)) == TICKS
+
+
 @pytest.mark.parametrize("seed", [*range(8), 1010])  # 1010: it is granted the same on two courses.
 def test_a_core_in_float_has_the_same_phases_and_places_to_a_millimetre(float_core, seed):
     stream = Trial(seed, trouble=0.0).stream(2 * TICKS)
