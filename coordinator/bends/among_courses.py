@@ -13,17 +13,42 @@ import numpy as np
 
 from coordinator.base.errors import PlanError
 from coordinator.base.kept import kept
-from coordinator.bends.courses import may_bend
 from coordinator.bends.mesh_kernels import Mesh, close_near
-from coordinator.bends.meshes import NARROW, PLACE_ROOM, WIDE, ends_on, open_mesh
-from coordinator.bends.traffic_kernels import BEGIN, END, Traffic, gathered
+from coordinator.bends.meshes import PLACE_ROOM, ends_on, open_mesh
+from coordinator.bends.traffic_kernels import BEGIN, END, Traffic, free_from, gathered
 from coordinator.bends.way_kernels import Trip
-from coordinator.bends.ways import PADS, way_among
+from coordinator.bends.ways import way_among
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.curves.nurbs_kernels import Indices
 from coordinator.paths.path_planner import Pathfinder
-from coordinator.paths.smoothing import smooth
+from coordinator.paths.smoothing import least_radius, smooth
 from coordinator.plan.course import Course
+
+
+class Pitch(NamedTuple):
+    """How fine a mesh is, for whom, and what ways on it keep beyond the need, since curves differ.
+
+    cells: their size as a multiple of the need of two robots; lost [s]: how much a robot has to
+    lose otherwise; room [m].
+    """
+
+    cells: float
+    lost: float
+    room: float
+
+
+PITCHES: Final = (Pitch(0.9, 1.0, 0.04), Pitch(0.36, 5.0, 0.02))
+"""On fine meshes robots pass each other in doors, but the search takes longer."""
+
+_PAD: Final = 0.1
+"""What a way keeps beyond tau [s].  When the robot drives is found on the curve itself."""
+
+_TIGHTEST: Final = 0.03
+"""The least radius [m] of a bend.  In a tighter one a robot without limits turns about in two ticks
+of its loop, and its steering cannot follow."""
+
+_MOST_STATES: Final = 4_000
+"""How many states the search for one way expands at most."""
 
 _STEP: Final = 0.15
 """Distance [m] between the samples of a course."""
@@ -56,37 +81,35 @@ class Bends:
         others: Sequence[Course],
         late: Mapping[str, float],
         times: Times,
+        pitch: Pitch,
     ) -> Nurbs | None:
         """Return a path for the first robot of a scenario, on which it should arrive earliest.
 
         The robots after it stand where `others` rest.  `late`: how late [s] others may be.  None if
         there is no path among them on which it arrives in time.
         """
-        robot = finder.scenario.robots[0]
-        if not may_bend(robot):
-            return None
-        (pad, room), ramp = PADS[0], times.ramp
-        reach, own = robot.radius + finder.scenario.margin + room, len(others)
-        space = finder.space_among_places(0)
-        for pitch in (WIDE, NARROW):
-            mesh = self._mesh(finder, pitch)
-            ends = ends_on(mesh, own, space, robot)
-            if ends is not None:
-                break
-        else:
-            return None
-        speed, tau = finder.scenario.planned_speed(robot), times.tau + pad
-        trip = Trip(own, *ends, speed, ramp, reach, tau)
+        robot, own = finder.scenario.robots[0], len(others)
+        reach, tau = robot.radius + finder.scenario.margin + pitch.room, times.tau + _PAD
         traffic = _traffic(others, late, times.leaves, tau, reach)
-        way, _ = way_among(mesh, trip, space, traffic, times.latest - times.leaves - ramp)
+        latest = times.latest - times.leaves - times.ramp
+        if free_from(traffic, own, *robot.goal[:2], reach, tau) >= latest:
+            return None
+        space, mesh = finder.space_among_places(0), self._mesh(finder, pitch.cells)
+        ends = ends_on(mesh, own, space, robot)
+        if ends is None:
+            return None
+        speed = finder.scenario.planned_speed(robot)
+        trip = Trip(own, *ends, speed, times.ramp, reach, tau)
+        way, _ = way_among(mesh, trip, space, traffic, latest, _MOST_STATES)
         if not len(way):
             return None
         exact = np.zeros(len(way), dtype=np.bool_)
         exact[[0, -1]] = True
         try:
-            return smooth(way, exact, space, finder.handling(robot)).curve
+            found = smooth(way, exact, space, finder.handling(robot))
         except PlanError:
             return None
+        return found.curve if least_radius(found) >= _TIGHTEST else None
 
     def _mesh(self, finder: Pathfinder, pitch: float) -> Mesh:
         """Return the mesh of a scenario's first robot, which keeps off where the others stand."""

@@ -89,6 +89,16 @@ def forbidden_at(
 
 
 @compiled
+def free_from(
+    traffic: Traffic, without: int, x: float, y: float, reach: float, tau: float
+) -> float:
+    """Return from when on [s] nobody forbids a place; -inf if nobody ever does."""
+    times = np.empty((MOST, 2))
+    busy = forbidden_at(traffic, without, x, y, reach, tau, times)
+    return float(times[busy - 1, 1]) if busy > 0 else -math.inf
+
+
+@compiled
 def _in_row(traffic: Traffic, x: float, y: float, row: int) -> tuple[int, int]:
     """Return the range of the samples in the cells around a place, in one row of these.
 

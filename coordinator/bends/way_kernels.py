@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from coordinator.base.compiled import compiled
 from coordinator.bends.mesh_kernels import HALF, MOVES, OPEN, Mesh
-from coordinator.bends.traffic_kernels import MOST, Traffic, entered, forbidden_at
+from coordinator.bends.traffic_kernels import MOST, Traffic, entered, forbidden_at, free_from
 from coordinator.curves.nurbs import Array
 from coordinator.curves.nurbs_kernels import Indices
 
@@ -73,15 +73,17 @@ class _States(NamedTuple):
 class _Search(NamedTuple):
     """A trip on a mesh in traffic, and what a search for its earliest way has looked up so far.
 
-    latest [s]: when the robot has to arrive; lead [s]: how long it takes from its start to the
-    mesh.  The states of a cell are first[cell] to last[cell] - 1; both are -1 before a move to the
-    cell is looked at.  times, closed (MOST, 2): memory for intervals [s].
+    latest [s]: when the robot has to arrive; settled [s]: from when on its goal is free for ever;
+    lead [s]: how long it takes from its start to the mesh.  The states of a cell are first[cell] to
+    last[cell] - 1; both are -1 before a move to the cell is looked at.  times, closed (MOST, 2):
+    memory for intervals [s].
     """
 
     mesh: Mesh
     trip: Trip
     traffic: Traffic
     latest: float
+    settled: float
     lead: float
     first: Indices
     last: Indices
@@ -112,10 +114,9 @@ def earliest_way(
     busy = forbidden_at(traffic, trip.robot, x, y, trip.reach, trip.tau, times)
     until = times[0, 0] if busy > 0 else math.inf
     x, y = trip.goal
-    busy = forbidden_at(traffic, trip.robot, x, y, trip.reach, trip.tau, times)
-    settled = times[busy - 1, 1] if busy > 0 else -math.inf
+    settled = free_from(traffic, trip.robot, x, y, trip.reach, trip.tau)
     first, last, closed = np.full(cells, -1), np.full(cells, -1), np.empty((MOST, 2))
-    search = _Search(mesh, trip, traffic, latest, lead, first, last, times, closed)
+    search = _Search(mesh, trip, traffic, latest, settled, lead, first, last, times, closed)
     states = _room(4096)
     states.begin[0], states.end[0], states.best[0] = -math.inf, until, trip.ramp
     states.parent[0], states.cell[0], states.done[0] = -1, -1, False
@@ -162,7 +163,7 @@ def _expand(search: _Search, states: _States, here: int, heap: _Heap) -> None:
                 at += 1
             if at == last or max(arrival, states.begin[at]) >= states.best[at] - SOON:
                 continue
-        heapq.heappush(heap, (arrival + _HASTE * left, here, _MOVE + k))
+        heapq.heappush(heap, (_weighed(search, arrival, left), here, _MOVE + k))
 
 
 @compiled
@@ -182,7 +183,8 @@ def _look(search: _Search, states: _States, here: int, to: int, lasts: float, he
         if soonest == arrival:
             _enter(search, states, here, at, heap)
         elif soonest < states.end[at]:
-            heapq.heappush(heap, (soonest + _HASTE * trip.left[to] / trip.speed, here, at))
+            left = trip.left[to] / trip.speed
+            heapq.heappush(heap, (_weighed(search, soonest, left), here, at))
 
 
 @compiled
@@ -197,7 +199,16 @@ def _enter(search: _Search, states: _States, here: int, at: int, heap: _Heap) ->
     left = trip.left[to] / trip.speed
     if arrival < min(states.end[at], states.best[at] - SOON, search.latest - left):
         states.best[at], states.parent[at] = arrival, here
-        heapq.heappush(heap, (arrival + _HASTE * left, at, _EXPAND))
+        heapq.heappush(heap, (_weighed(search, arrival, left), at, _EXPAND))
+
+
+@compiled
+def _weighed(search: _Search, arrival: float, left: float) -> float:
+    """Return the weighed time [s] of an arrival `left` [s] before the goal.
+
+    Before the goal is free for ever nobody arrives there: up to then what is left counts alone.
+    """
+    return max(arrival + left, search.settled) + (_HASTE - 1.0) * left
 
 
 @compiled

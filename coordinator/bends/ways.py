@@ -22,17 +22,23 @@ PADS: Final = ((0.25, 0.04), (0.5, 0.09), (1.0, 0.12))
 those of the mesh.  If the curve meets others, the next pair is tried."""
 
 _MOST_STATES: Final = 20_000
-"""How many states the search for one way expands at most."""
+"""How many states the search for one way expands at most in the first plan."""
 
 
 def way_among(
-    mesh: Mesh, trip: Trip, space: Space, traffic: Traffic, latest: float
+    mesh: Mesh,
+    trip: Trip,
+    space: Space,
+    traffic: Traffic,
+    latest: float,
+    most: int = _MOST_STATES,
 ) -> tuple[Array, Array]:
     """Return the polygon (n, 2) [m] of the earliest way, and when the robot comes and goes there.
 
-    The times are (n, 2) [s].  Empty if it cannot arrive before `latest` [s].
+    The times are (n, 2) [s].  Empty if it cannot arrive before `latest` [s], or if no such way is
+    found with `most` states.
     """
-    way, when = earliest_way(mesh, trip, traffic, latest, _MOST_STATES)
+    way, when = earliest_way(mesh, trip, traffic, latest, most)
     if not len(way):
         return way, when
     one, other = np.triu_indices(len(way), 1)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
@@ -21,7 +22,8 @@ from msgspec.structs import replace as changed
 
 from coordinator.base.errors import PlanError
 from coordinator.base.kept import kept
-from coordinator.bends.among_courses import Bends, Times
+from coordinator.bends.among_courses import PITCHES, Bends, Times
+from coordinator.bends.courses import may_bend
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.ground.free_space import NO_DISCS
 from coordinator.ground.grown_floor import GrownFloor
@@ -66,6 +68,10 @@ either, but for rounding."""
 
 _MOST_COPIES: Final = 16
 """For a robot that is later than this many copies cover there are gaps."""
+
+_CELL: Final = 0.03
+"""Length [m] of the cells of a path.  With shorter ones the robot may leave sooner by as long as it
+takes for two cells, and the search takes longer."""
 
 _LANE_ROOM: Final = 0.01
 _SPACING: Final = 0.25
@@ -238,6 +244,8 @@ def _earliest(search: _Search) -> _Try:
         if not search.wish.late:
             raise
         return _earliest(replace(search, wish=replace(search.wish, late={})))
+    if search.wish.leaves is None and may_bend(search.wish.robot):
+        return _bent(search, best)
     for _ in range(_DETOURS):
         discs = _conflict_discs(search.wish.robot, best)
         if discs is None:
@@ -249,26 +257,27 @@ def _earliest(search: _Search) -> _Try:
         if other.motion.finish > best.motion.finish - _WORTH:
             break
         best = other
-    return _bent(search, best)
+    return best
 
 
 def _bent(search: _Search, best: _Try) -> _Try:
-    """Return a try on a path that moves aside, if the robot arrives earlier on it."""
+    """Return a try on a path that moves aside, if the robot arrives earlier on it.
+
+    Such a path is looked for on ever finer meshes, as long as the robot loses much.
+    """
     site, wish = search.site, search.wish
-    delay = best.motion.finish - best.release - best.track.alone
-    if delay < _LONG or wish.leaves is not None:
-        return best
-    latest = best.motion.finish - _WORTH
     ramp = 0.5 * site.scenario.planned_speed(wish.robot) / best.track.limits.ramp
-    times = Times(best.release, latest, ramp, site.terms.tau)
-    path = site.bends.path(search.finder, search.others, wish.late, times)
-    if path is None:
-        return best
-    try:
-        other = _motion(search, path)
-    except PlanError:
-        return best
-    return other if other.motion.finish < latest else best
+    alone = best.release + best.track.alone
+    for pitch in PITCHES:
+        if best.motion.finish < alone + pitch.lost:
+            break
+        latest = best.motion.finish - _WORTH
+        times = Times(best.release, latest, ramp, site.terms.tau)
+        path = site.bends.path(search.finder, search.others, wish.late, times, pitch)
+        if path is not None:
+            with suppress(PlanError):
+                best = _motion(search, path, latest)
+    return best
 
 
 def _try(search: _Search, discs: Array) -> _Try:
@@ -346,14 +355,19 @@ def _turning(path: Nurbs, wish: Wish) -> float:
     return abs(turn) / wish.robot.max_turn_rate + _TURN_TIME if abs(turn) > 0.01 else 0.0
 
 
-def _motion(search: _Search, path: Nurbs) -> _Try:
-    """Return the earliest motion of a robot that stands at its start until it has turned."""
+def _motion(search: _Search, path: Nurbs, latest: float = math.inf) -> _Try:
+    """Return the earliest motion of a robot that stands at its start until it has turned.
+
+    Raises PlanError if it does not arrive before `latest` [s].
+    """
     wish = search.wish
     release = 0.001 * wish.begin_ms + wish.delay + _turning(path, wish)
     track = _track(search.site, wish.robot, path)
     junctions, motions, near = _among(search, track)
     departure = Departure(release, math.inf, 0.001 * wish.begin_ms)
-    motion = earliest_motion(junctions, motions, 0, departure=departure)
+    motion = earliest_motion(
+        junctions, motions, 0, departure=departure, latest=latest, quickest=latest < math.inf
+    )
     if motion is None:
         raise PlanError("has no way among the others, whenever it sets out", wish.robot.id)
     return _Try(path, track, release, motion, junctions, near)
@@ -411,7 +425,8 @@ def _among(search: _Search, track: Track) -> tuple[Junctions, Motions, list[Cour
     near = [one for one, _ in copies]
     tracks = [track, *(_known(one.driven) for one in near)]
     radii = [robot.radius, *(one.driven.radius for one in near)]
-    junctions = Junctions(tracks, radii, margin, site.terms.tau + TAU_PAD, among=(0,))
+    tau = site.terms.tau + TAU_PAD
+    junctions = Junctions(tracks, radii, margin, tau, among=(0,), cell=_CELL)
     motions = Motions(junctions.lengths())
     for index, (one, delay) in enumerate(copies, start=1):
         motions.put_legs(index, one.driven.legs + delay * _TIMES)

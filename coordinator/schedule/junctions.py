@@ -52,7 +52,8 @@ square."""
 class Junctions:
     """Tracks and the zones between them, for robots of radii (n,) [m], a margin [m] and tau [s].
 
-    `among`: only the zones of these robots (indices).
+    `among`: only the zones of these robots (indices).  `cell`: the length of cells [m]; by default
+    they are as short as the number of rows allows.
     """
 
     def __init__(
@@ -63,12 +64,13 @@ class Junctions:
         tau: float,
         executor: Executor | None = None,
         among: Sequence[int] | None = None,
+        cell: float | None = None,
     ) -> None:
         self.tracks = list(tracks)
         self.radii, self.margin, self.tau = np.array(radii, dtype=np.float64), margin, tau
         self.zones = self._find(executor, among)
         self._fine = False
-        self._cell = _cell_for(self.zones)
+        self._cell = _cell_for(self.zones) if cell is None else cell
         self.tracks = [replace(track, cell=self._cell) for track in tracks]
         self._approaches: dict[tuple[int, bool], Approach] = {}
         self._rows: dict[int, tuple[Rows, Known]] = {}

@@ -61,12 +61,13 @@ class Approach(NamedTuple):
 class Departure(NamedTuple):
     """When a robot may leave its first station: from `release` to `leave_by` [s].
 
-    It stands there from `since` on; by default it always has.
+    It stands there from `since` on; by default it always has.  It is to arrive by `latest` [s].
     """
 
     release: float
     leave_by: float
     since: float = -math.inf
+    latest: float = math.inf
 
 
 class _States(NamedTuple):
@@ -127,9 +128,10 @@ def search(
     """Return the rests (n, 3) of the earliest motion, and its arrival [s]; infinite if none.
 
     rest (stations,) [s]: the least time from each station to the goal.  A polite robot never waits
-    in a zone that the other robot has yet to pass.
+    in a zone that the other robot has yet to pass.  A motion that arrives after `departure.latest`
+    may be missed.
     """
-    release, leave_by, _ = departure
+    release, leave_by, _, until = departure
     first, times = _intervals(ride, forbidden, polite and not ride.at_once)
     start = _start(first, times, departure)
     if start < 0:
@@ -155,8 +157,9 @@ def search(
         # along its path as it can.
         for q in range(min(p + 1, goal) if ride.at_once else goal, p, -1):
             lasts = passing_time(ride, p, q, ride.stations[q, PLACE], 0.0)
-            bound = states.best[here] + lasts + rest[q] + extra * states.stops[here]
-            if bound > states.best[-1] + extra * states.stops[-1]:
+            soonest = states.best[here] + lasts + rest[q]
+            bound = soonest + extra * states.stops[here]
+            if soonest > until or bound > states.best[-1] + extra * states.stops[-1]:
                 continue
             order = np.argsort(closed.begins[: closed_departures(ride, forbidden, p, q, closed)])
             move = _Move(q, latest, lasts, rest[q])
@@ -192,7 +195,7 @@ def _start(first: Indices, times: Array, departure: Departure) -> int:
 
     -1 if others do not let it stand there for so long, or at its goal for ever.
     """
-    release, _, since = departure
+    release, _, since, _ = departure
     if first[-2] == first[-1] or times[-1, END] < math.inf:
         return -1
     for k in range(first[1]):

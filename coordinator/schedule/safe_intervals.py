@@ -58,20 +58,24 @@ def earliest_motion(
     departure: Departure = ANY_TIME,
     latest: float = math.inf,
     anywhere: bool = True,
+    quickest: bool = False,
 ) -> Motion | None:
     """Return a robot's earliest motion among the known motions of others; None if there is none.
 
     The robot waits where it cannot block anybody, outside of zones that others have yet to pass.
     With `anywhere` it may wait inside of them if there is no other way, or if that is quicker in a
-    small fleet.  modes (zones,): what each of its zones demands
+    small fleet; if `quickest` is set, always.  modes (zones,): what each of its zones demands
     (forbidden_interval_kernels.py); by default BOTH if the other robot has a motion, FIRST if it
     has none.  The robot has to arrive before `latest` [s].
     """
     few = len(junctions.tracks) <= FEW
+    manners = (False,) if quickest else (True, False) if anywhere else (True,)
     arrival, waits = math.inf, list[Wait]()
-    for polite in (True, False) if anywhere else (True,):
+    for polite in manners:
         if arrival == math.inf or few:
             approach = junctions.approach(index, few or not polite)
+            if not polite:
+                departure = departure._replace(latest=min(arrival - _EARLIER, latest))
             other = _waits(junctions, motions, index, approach, modes, departure, polite)
             if other[0] < arrival - _EARLIER:
                 arrival, waits = other

@@ -60,3 +60,19 @@ def test_a_robot_gives_way_aside_where_waiting_takes_longer(monkeypatch):
     times = [one.course.driven.timeline.finish for one in (bent, waits)]
     assert times[0] < times[1] - 2.0
     assert bent.course.driven.curve.length > waits.course.driven.curve.length
+
+
+@pytest.mark.parametrize(("seed", "index"), [(3, 11), (5, 0), (6, 5)])
+def test_between_rooms_a_robot_arrives_earlier_on_a_finer_mesh(monkeypatch, seed, index):
+    floor = generate("rooms", 24, seed)
+    plan, others = courses_of(floor)
+    del others[index]
+    site, wish = Site(floor, plan.document), Wish(floor.robots[index], 0.0, 0, 1, 200)
+    pitches, times = course_proposal.PITCHES, []
+    for used in (pitches, pitches[:1], ()):
+        monkeypatch.setattr(course_proposal, "PITCHES", used)
+        found = propose(site, wish, others)
+        assert_keeps_apart(found, others, site.terms.tau, site.terms.margin)
+        times.append(found.course.driven.timeline.finish)
+    assert times[0] < times[1] - 5.0
+    assert times[1] <= times[2]

@@ -13,6 +13,7 @@ from coordinator.bends.traffic_kernels import (
     count_meetings,
     first_meeting,
     forbidden_at,
+    free_from,
     gathered,
     least_delay,
 )
@@ -85,6 +86,17 @@ def test_times_that_have_no_room_are_forbidden_for_ever():
     count = forbidden_at(laid_out(parts), 0, 1.0, 1.0, REACH, TAU, found)
     assert count == MOST
     assert found[-1, 1] == math.inf
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_place_is_free_for_ever_from_the_end_of_the_last_time_forbidden_there(seed):
+    parts, dice = [part[:-1] for part in crowd(seed)], Random(seed)
+    places = [(dice.uniform(0.0, 5.0), dice.uniform(0.0, 5.0)) for _ in range(50)]
+    found = [free_from(laid_out(parts), 0, x, y, REACH, TAU) for x, y in places]
+    closed = [forbidding(parts, 0, x, y) for x, y in places]
+    expected = [times[-1][1] if times else -math.inf for times in closed]
+    np.testing.assert_allclose(found, expected)
+    assert -math.inf < max(expected) < math.inf
 
 
 @pytest.mark.parametrize("seed", range(12))

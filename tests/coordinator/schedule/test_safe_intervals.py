@@ -254,6 +254,20 @@ def test_no_wait_where_somebody_has_yet_to_pass_unless_all_others_are_longer(see
         assert polite or least > last_robot(*given).finish
 
 
+@pytest.mark.parametrize("seed", seeds(30))
+def test_the_quickest_motion_is_safe_no_later_and_before_the_latest_arrival_or_none(seed):
+    given = behind_others(seed, 3, tangled_fleet)
+    usual = None if given is None else last_robot(*given)
+    if usual is None:
+        return
+    found = last_robot(*given, quickest=True)
+    assert found.finish <= usual.finish + SOON
+    assert given[0].slack([*given[1], found]) >= -2e-3
+    # Stops count as a little time; where an earlier motion has more of them, it is found now.
+    earlier = last_robot(*given, quickest=True, latest=found.finish - SOON)
+    assert earlier is None or found.finish - 0.5 < earlier.finish < found.finish
+
+
 def test_a_robot_driven_off_its_start_waits_where_another_passes_later_if_it_must():
     curves = [
         line((0, -4), (0, 6)),
