@@ -37,17 +37,17 @@ class Pitch(NamedTuple):
     room: float
 
 
-PITCHES: Final = (Pitch(0.9, 1.0, 0.04), Pitch(0.36, 5.0, 0.02))
+PITCHES: Final = (Pitch(0.9, 1.0, 0.04), Pitch(0.45, 3.0, 0.03), Pitch(0.3, 8.0, 0.02))
 """On fine meshes robots pass each other in doors, but the search takes longer."""
 
 _PAD: Final = 0.1
 """What a way keeps beyond tau [s].  When the robot drives is found on the curve itself."""
 
-_TIGHTEST: Final = 0.03
-"""The least radius [m] of a bend.  In a tighter one a robot without limits turns about in two ticks
-of its loop, and its steering cannot follow."""
+_TIGHTEST: Final = 0.015
+"""The least radius [m] of a bend.  Where robots without limits turn within a tick or two of their
+loops, their steering cannot follow: at a radius of 2 mm one left its path."""
 
-_MOST_STATES: Final = 4_000
+_MOST_STATES: Final = 2_500
 """How many states the search for one way expands at most."""
 
 _STEP: Final = 0.15
