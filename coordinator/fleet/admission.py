@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from coordinator.fleet.capacity import Capacity
 from coordinator.fleet.events import Incident, Outgoing
 from coordinator.fleet.member import Member
 from coordinator.fleet.roster import Roster
+from coordinator.plan.capacity import Capacity
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import PROTOCOL_VERSION, Hello, Refusal

@@ -12,9 +12,9 @@ from typing import Final
 import msgspec
 
 from coordinator.fleet.came_back import Admission
-from coordinator.fleet.capacity import Capacity
 from coordinator.fleet.rest_places import Standing, State, standing_of
 from coordinator.fleet.sent_courses import Span
+from coordinator.plan.capacity import Capacity
 from protocol.messages import Hello, Report
 from protocol.phases import (
     ARMED,

@@ -31,8 +31,9 @@ from coordinator.scenario.model import Point, Pose, Robot, Scenario
 
 Why = Literal["arrived", "lost", "unfit", "overloaded", "closed in"]
 
-_CORNERS: Final = 64
-"""Corners of the polygon around a disc; they lie outside of it by 0.12 % of the radius."""
+_CORNERS: Final = 24
+"""Corners of the polygon around a disc; they lie outside of it by 0.9 % of the radius.  A way past
+more corners has more control points, and small robots hold few."""
 
 _STEP: Final = 0.02
 """Distance between samples of a stretch of path on which a robot may stand [m]."""

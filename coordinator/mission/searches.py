@@ -228,7 +228,17 @@ class Searches:
         site = self._obstructions.site_for(robot, (x, y))
         self._asked[request] = Asked(
             site,
-            Wish(wanted, heading, number, revision, begin_ms, delay, late, under_way),
+            Wish(
+                wanted,
+                heading,
+                number,
+                revision,
+                begin_ms,
+                delay,
+                late,
+                under_way,
+                fleet.members[robot].capacity,
+            ),
             tuple(others),
             (() if way is None else (way,)) if task.makes_room else None,
             self.commits,

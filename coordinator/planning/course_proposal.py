@@ -29,6 +29,7 @@ from coordinator.ground.free_space import NO_DISCS
 from coordinator.ground.grown_floor import GrownFloor
 from coordinator.motion.velocity_profile import Motion, SpeedLimits, limits_on
 from coordinator.paths.path_planner import Pathfinder
+from coordinator.plan.capacity import UNLIMITED, Capacity
 from coordinator.plan.course import Boxes, Course
 from coordinator.plan.course_staircases import joined
 from coordinator.plan.document import Limits, PlanDocument
@@ -103,7 +104,7 @@ class Wish:
     The course has this `number` and `revision`, and begins at plan time `begin_ms`.  The robot
     faces `heading` [rad], and it rests `delay` [s] later.  `late`: how late [s] others are: the
     robot goes ahead of them as they were planned, and behind them as late as they are.  `leaves`:
-    the course that it leaves in motion, if it is not to rest.
+    the course that it leaves in motion, if it is not to rest.  `holds`: what it can hold of one.
     """
 
     robot: Robot
@@ -114,6 +115,7 @@ class Wish:
     delay: float = 0.0
     late: Mapping[str, float] = field(default_factory=dict)
     leaves: UnderWay | None = None
+    holds: Capacity = UNLIMITED
 
     def in_motion(self) -> Wish:
         """Return the wish of a robot that leaves its course in motion.
@@ -196,6 +198,8 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     if wish.leaves is not None:
         plan = changed(plan, start_time=0.0)  # It does not rest where the course begins.
     message = pack(terms, plan, wish.number, wish.revision, wish.begin_ms)
+    if objection := wish.holds.objection(message):
+        raise PlanError(objection, robot.id)
     proposal = proposal_of(message, site, wish, others)
     courses = [proposal.course, *proposal.near]
     before = None if wish.leaves is None else wish.leaves.driven
@@ -358,9 +362,11 @@ def _turning(path: Nurbs, wish: Wish) -> float:
 def _motion(search: _Search, path: Nurbs, latest: float = math.inf) -> _Try:
     """Return the earliest motion of a robot that stands at its start until it has turned.
 
-    Raises PlanError if it does not arrive before `latest` [s].
+    Raises PlanError if it cannot hold the path, or does not arrive before `latest` [s].
     """
     wish = search.wish
+    if 0 < wish.holds.points < len(path.points):
+        raise PlanError("cannot hold its path", wish.robot.id)
     release = 0.001 * wish.begin_ms + wish.delay + _turning(path, wish)
     track = _track(search.site, wish.robot, path)
     junctions, motions, near = _among(search, track)

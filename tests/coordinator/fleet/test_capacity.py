@@ -3,8 +3,8 @@
 import pytest
 from msgspec.structs import replace
 
-from coordinator.fleet.capacity import Capacity
 from coordinator.fleet.events import Part
+from coordinator.plan.capacity import Capacity
 from coordinator.planning.planner import plan_fleet
 from protocol import keys
 from protocol.codec import decode, encode

@@ -8,6 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from coordinator.base.errors import PlanError
+from coordinator.plan.capacity import Capacity
 from coordinator.plan.course import Course
 from coordinator.plan.document import Limits
 from coordinator.planning.course_proposal import (
@@ -259,3 +260,19 @@ def test_a_robot_that_finds_no_way_behind_a_late_one_is_planned_as_if_that_were_
     on_time = propose(site, wish, [courses["R2"]]).course.driven.timeline.finish
     never = propose(site, dataclasses.replace(wish, late={"R2": 1e6}), [courses["R2"]])
     assert never.course.driven.timeline.finish < on_time + 1.0
+
+
+def test_a_robot_gets_a_course_that_it_can_hold_or_is_told_what_it_cannot():
+    scenario = generate("rooms", 24, 6)
+    site, courses, robots = a_site(scenario)
+    others = [one for name, one in courses.items() if name != "R6"]
+    wish = Wish(robots["R6"], 0.0, 0, 1, 200)
+    free = propose(site, wish, others).course.driven
+    small = Capacity(points=len(free.curve.points) - 1)
+    fits = propose(site, dataclasses.replace(wish, holds=small), others)
+    assert len(fits.course.driven.curve.points) <= small.points
+    assert_keeps_apart(fits, others, site.terms.tau, site.terms.margin)
+    with pytest.raises(PlanError, match="R6: cannot hold its path"):
+        propose(site, dataclasses.replace(wish, holds=Capacity(points=4)), others)
+    with pytest.raises(PlanError, match=r"cannot hold its course: \d+ bytes, it holds 100"):
+        propose(site, dataclasses.replace(wish, holds=Capacity(size=100)), others)

@@ -39,3 +39,7 @@ class Capacity(NamedTuple):
             if 0 < most < count
         ]
         return f"cannot hold its course: {'; '.join(over)}" if over else ""
+
+
+UNLIMITED: Final = Capacity()
+"""The capacity of a robot that states none."""
