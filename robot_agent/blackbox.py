@@ -98,8 +98,8 @@ class BlackBox:
     def _time(self, now_ns: int, estimate_ns: int | None) -> int | None:
         """Return the best estimate of the coordinator's time [ns]; None while there is none."""
         if self._is_shared:
-            return now_ns
-        if estimate_ns is not None:
+            self._ahead_ns = 0
+        elif estimate_ns is not None:
             self._ahead_ns = estimate_ns - now_ns
         if self._ahead_ns is None:
             return None

@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Final, Protocol
 
 from protocol import keys
 from protocol.codec import encode
@@ -27,7 +27,7 @@ from protocol.messages import (
 )
 from protocol.phases import DONE, FREEZE, FROZEN, GO, HOLD, IDLE, PHASE_NAMES
 from protocol.plan_parts import unpack_plan
-from protocol.timing import COMMAND_PERIOD, SECOND
+from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 from protocol.transport import Transport
 from robot_agent.blackbox import BlackBox
 from robot_agent.core.agent import Agent
@@ -43,6 +43,9 @@ _AT_REST = (DONE, FROZEN)
 
 _SILENCE_NS = 5 * COMMAND_PERIOD
 """A coordinator from which nothing was received for this long counts as silent."""
+
+_READINGS: Final = 5
+"""How often two clocks are read until nothing came between the readings."""
 
 
 class RefusedError(Exception):
@@ -105,7 +108,6 @@ def run_robot(
     robot tick by tick, a RobotService unless another one is given.  Raises RefusedError, and
     OSError when the black box cannot be written.
     """
-    host_clock = host_clock or clock
     clock = SteadyClock(clock)
     with transport:
         box = BlackBox(blackbox) if blackbox is not None else None
@@ -325,11 +327,23 @@ class RobotService:
             driver.drive(agent.drive_speed, agent.drive_curvature, agent.drive_distance)
         if self._blackbox is not None:
             s = agent.ride.follower.s if agent.ride is not None else 0.0
-            host_ns = now_ns
-            if self._clock and self._host_clock:  # Both are read at once: the tick may be long.
-                host_ns += self._host_clock() - self._clock()
-            estimate_ns = self.coordinator_time(now_ns)
+            host_ns, estimate_ns = now_ns + self._host_ahead_ns(), self.coordinator_time(now_ns)
             self._blackbox.write(host_ns, estimate_ns, driver.true_pose(), s, agent.phase)
+
+    def _host_ahead_ns(self) -> int:
+        """Return how far the host's clock is ahead of the robot's own [ns].
+
+        A program that loses the processor between two readings takes them again.
+        """
+        clock, host_clock, ahead_ns = self._clock, self._host_clock, 0
+        if clock is None or host_clock is None:
+            return ahead_ns
+        for _ in range(_READINGS):
+            before_ns, host_ns, after_ns = clock(), host_clock(), clock()
+            ahead_ns = host_ns - after_ns
+            if after_ns - before_ns < MILLISECOND:
+                break
+        return ahead_ns
 
     def _place(self) -> tuple[int, int, int] | None:
         """Return the pose, if it is asked for or the fleet is frozen, and the robot never drove."""

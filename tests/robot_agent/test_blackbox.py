@@ -41,6 +41,12 @@ def test_on_the_coordinators_machine_t_is_the_hosts_time_whatever_the_robot_beli
 
 
 @pytest.mark.usefixtures("one_machine")
+def test_on_the_coordinators_machine_t_never_runs_backwards_either(tmp_path):
+    rows_of(tmp_path / "R1.csv", (101.0, 101.0), (100.9, 101.0), (101.1, 101.1))
+    assert times_in(tmp_path / "R1.csv") == [1.0, 1.0, 1.1]
+
+
+@pytest.mark.usefixtures("one_machine")
 def test_a_robot_that_has_no_estimate_is_stamped_all_the_same_on_the_coordinators_machine(
     tmp_path,
 ):

@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import errno
 import math
+from random import Random
 
+import numpy as np
 import pytest
 
 from protocol import keys
@@ -28,6 +30,7 @@ from protocol.plan_bytes import pack_floats, pack_points, pack_profile, pack_sto
 from robot_agent.blackbox import HEADER, BlackBox
 from robot_agent.driver import DriverError
 from robot_agent.service import RefusedError, Robot, run_robot
+from sim.judging.blackbox import read_blackbox
 from sim.world.body import SimulatedBody
 from sim.world.memory_transport import MemoryNetwork
 from sim.world.robot_clock import RobotClock
@@ -212,6 +215,25 @@ def test_a_tick_that_takes_long_does_not_count_as_an_error_of_the_clock(tmp_path
     assert len(rows) > 100
     for row in rows:
         assert float(row["t"]) == pytest.approx(float(row["estimate"]), abs=0.005)
+
+
+def test_a_program_that_loses_the_processor_between_two_readings_stamps_its_rows_right(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr("robot_agent.blackbox.shares_clock", lambda boot: boot == COORDINATOR)
+    hall, box, dice = Hall(), tmp_path / "R1.csv", Random(1)
+
+    def host_clock() -> int:
+        now_ns = hall.clock() + 10**12
+        if dice.random() < 0.3:
+            hall.network.advance(hall.clock() + 6 * MS)
+        return now_ns
+
+    assert hall.run(host_clock=host_clock, blackbox=box) == 0
+    found = read_blackbox(box)
+    assert len(found.t) > 100
+    assert (np.diff(found.t) > 0.001).all()
+    assert found.clock_error() < 0.005
 
 
 def test_between_go_and_arrival_a_robot_sends_at_most_120_bytes_a_second():

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from threading import Thread
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,6 +32,22 @@ def test_a_clock_that_was_set_back_goes_on_a_late_tick_after_where_it_was():
 
 def test_threads_that_read_at_once_make_no_leap():
     assert readings(10 * MS, 20 * MS, 20 * MS - 1, 20 * MS) == [20 * MS, 20 * MS, 20 * MS]
+
+
+def test_a_thread_that_loses_the_processor_amid_a_reading_makes_no_leap():
+    times, other = iter((0, 10 * MS, 60 * MS)), Thread(target=lambda: clock())
+
+    def read() -> int:
+        now_ns = next(times)
+        if now_ns == 10 * MS:
+            other.start()
+            other.join(0.05)
+        return now_ns
+
+    clock = SteadyClock(read)
+    assert clock() == 10 * MS
+    other.join()
+    assert clock.read_before(60 * MS) == 60 * MS
 
 
 @given(st.lists(st.integers(-(10**12), 10**12), min_size=2))
