@@ -37,7 +37,7 @@ def test_a_rest_names_the_robot_that_has_to_pass_first():
         a_robot("R3", (9.0, 1.0), (9.0, 1.5)),
     ]
     site, fleet, _, _ = a_fleet(robots)
-    # With a heading at its goal it does not give way aside.
+    # With a heading at its goal it does not move aside.
     found = preview(site, fleet, "R1", (8.0, 4.0, 0.0), (), at_once=False)
     assert found.reason == ""
     assert sum(wait.seconds for wait in found.waits) > 1.0
