@@ -402,7 +402,8 @@ def _restart(exam: Exam) -> Script:
     if before is None or not (yield from exam.settle()):
         return
     stage.plans, heard = [], len(stage.hellos)
-    exam.asks_person = f"start the program of {stage.robot} again now"
+    where = "" if exam.place is None else " at {:.3f} {:.3f} {:.3f}".format(*exam.place)
+    exam.asks_person = f"start the program of {stage.robot} again now, where it stands{where}"
     came = yield Until(lambda: len(stage.hellos) > heard, PERSON)
     exam.asks_person = ""
     exam.judge("HELLO-2", came, "says no Hello after it was to be started again")

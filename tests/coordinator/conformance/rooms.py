@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from coordinator.conformance.courses import Pace
 from coordinator.conformance.examiner import Examiner
 from coordinator.conformance.exchanges import EXCHANGES, RESTART
@@ -56,7 +58,10 @@ def examine(make=RobotService, names=(), delay_ms=2, body=None, restart=None, ro
                 body.stop()
         for key, payload in examiner.tick(network.now_ns):
             link.put(key, payload)
-        asked += bool(examiner.exam.asks_person)
+        if examiner.exam.asks_person:
+            asked += 1
+            place = [float(word) for word in examiner.exam.asks_person.split(" at ")[1].split()]
+            assert place == pytest.approx([body.x, body.y, body.heading], abs=0.01)
         if asked > 100 and restart is not None:  # A person takes a second.
             network.drop("robot")
             robot = restart(me, network.session("robot"), body, FLEET, boot=8, clock=clock)
