@@ -18,7 +18,7 @@ from typing import Final
 from benchmarks.campaign import WORKERS
 from benchmarks.firmware.trials import TICKS, TRIALS, events, fleets
 from benchmarks.table import ROOT, Row
-from firmware.micropython.native.build import native_code
+from firmware.micropython.native.build import WORK, native_code
 from tests.firmware.building import (
     CORTEX_M4F,
     FIRMWARE,
@@ -96,7 +96,7 @@ def native_module() -> list[Row]:
         (folder / "code.h").write_text(
             f"static const uint8_t CODE[] = {{{', '.join(map(str, code))}}};"
         )
-        image, core = _image(folder, "native.c"), host(*IN_PARTS)
+        image, core = _image(folder, "native.c"), host(*IN_PARTS, WORK)
         for scene, vector in json.loads(VECTORS.read_text()).items():
             made = read_answers(_emulated(image, vector["events"]))
             pairs = list(zip(made, answers(core, vector["events"]), strict=True))

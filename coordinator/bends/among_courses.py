@@ -26,10 +26,11 @@ from coordinator.plan.course import Course
 
 
 class Pitch(NamedTuple):
-    """How fine a mesh is, for whom, and what ways on it keep beyond the need, since curves differ.
+    """How fine a mesh is, and for which robots it is searched.
 
-    cells: their size as a multiple of the need of two robots; lost [s]: how much a robot has to
-    lose otherwise; room [m].
+    cells: their size, as a multiple of the need of two robots; lost [s]: a robot that loses less
+    without it does not search it; room [m]: what ways on it keep beyond the need, because the curve
+    along a way differs a little from it.
     """
 
     cells: float

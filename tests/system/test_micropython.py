@@ -23,7 +23,7 @@ REPLAY = Path(__file__).parents[1] / "firmware" / "micropython_replay.py"
 PLAYER = REPLAY.with_name("native_host.py")
 GOLDEN = json.loads(VECTORS.read_text())
 HEAP = 48 * 1024
-NEAR = 40
+NEAR = 30
 """Ticks by which the native core may change phase earlier or later: it reads a Plan bit by bit."""
 
 NEWER, READ, DRIVEN = "in_motion", 320, 0.1
@@ -134,7 +134,7 @@ def test_the_native_core_acts_as_recorded_and_code_and_heap_are_48_kib(native, b
     expected = play(GOLDEN[name]["events"])
     assert len(ticks) == len(expected), lines[-1]
     for i, (_, phase, fault, *numbers, _) in enumerate(ticks):
-        late = 100 if name == NEWER else NEAR
+        late = 80 if name == NEWER else NEAR
         near = expected[max(i - late, 0) : i + late + 1]
         assert (int(phase), int(fault)) in {(tick.phase, tick.fault) for tick in near}
         (place,) = struct.unpack(">d", bytes.fromhex(numbers[-1]))

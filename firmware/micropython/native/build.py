@@ -32,8 +32,11 @@ TARGETS: Final = {
 }
 """The compiler's target for each of mpy-cross's architectures that it knows."""
 
+WORK: Final = "-DSF_WORK=40"
+"""More work on a Plan in a tick than in C: MicroPython takes most of a tick for itself."""
+
 _OPTIONS: Final = (
-    "-std=c99", "-Wall", "-Wextra", "-Wdouble-promotion", "-Werror", "-Os", "-fPIE",
+    WORK, "-std=c99", "-Wall", "-Wextra", "-Wdouble-promotion", "-Werror", "-Os", "-fPIE",
     "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno", "-fno-sanitize=undefined",
     "-fno-unwind-tables", "-fno-asynchronous-unwind-tables", "-fno-stack-protector",
     "-ffunction-sections", "-Wl,--gc-sections", "-Wl,-e,core", f"-I{FIRMWARE / 'include'}",
