@@ -1,7 +1,7 @@
 """What a robot can hold of a Plan, as its Hello states it, compared with the Plan made for it.
 
-Decides: whether a Plan is too large for a robot, and the words that say so.  Must not know: fleets, how
-courses are found.
+Decides: whether a Plan is too large for a robot, and the words that say so.  Must not know: fleets,
+how courses are found.
 """
 
 from __future__ import annotations
