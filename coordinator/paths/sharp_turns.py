@@ -1,13 +1,13 @@
-"""Replacing turns that are too sharp to round by two turns.
+"""Replacing turns that are too sharp to round by two turns, or by one that is less sharp.
 
-Decides: where the two vertices go.  Must not know: curves; smoothing.py rounds the result.
+Decides: where the vertices go.  Must not know: curves; smoothing.py rounds the result.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -19,63 +19,94 @@ from coordinator.paths.spline_fit import Flags
 
 _SHARPEST: Final = math.radians(100.0)
 _LEGS: Final = (0.01, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0)
-"""Lengths [m] tried for the leg between the two turns."""
+"""Lengths [m] tried for the leg between the two turns, or for how far to swing out."""
+
+_SLOPE: Final = 3.0
+"""A way swings out over this many times as far along."""
 
 
 def blunt(
-    polygon: Array, exact: Flags, space: Space, keep_last: bool, radius: float
+    polygon: Array, exact: Flags, space: Space, headed: tuple[bool, bool], radius: float
 ) -> tuple[Array, Flags]:
-    """Replace turns too sharp to round by two turns of `radius` [m], if there is room.
+    """Replace turns too sharp to round by turns of `radius` [m], if there is room.
 
-    polygon (n, 2) [m], exact (n,).  The first leg keeps its direction, and with `keep_last` the
-    last one does, too.  Raises PlanError if there is no room to turn.
+    polygon (n, 2) [m], exact (n,).  `headed`: whether the first and the last leg keep their
+    directions.  Raises PlanError if there is no room to turn.
     """
     legs = np.diff(polygon, axis=0)
     along = np.einsum("ij,ij->i", legs[:-1], legs[1:])
     sizes = np.hypot(legs[:, 0], legs[:, 1])
     if np.all(along >= math.cos(_SHARPEST) * sizes[:-1] * sizes[1:]):
         return polygon, exact
-    vertices, flags = [polygon[0]], [bool(exact[0])]
+    vertices, flags, last = [polygon[0]], [bool(exact[0])], len(polygon) - 2
     for i in range(1, len(polygon) - 1):
-        here, after = polygon[i], polygon[i + 1]
-        into, onward = _unit(here - vertices[-1]), _unit(after - here)
-        if abs(turn_between(*into, *onward)) <= _SHARPEST:
+        before, here, after = vertices[-1], polygon[i], polygon[i + 1]
+        if abs(turn_between(*_unit(here - before), *_unit(after - here))) <= _SHARPEST:
             vertices.append(here)
             flags.append(bool(exact[i]))
             continue
-        if keep_last and i == len(polygon) - 2:
-            extra = _two_turns(after, here, vertices[-1], bool(exact[i]), space, radius)[::-1]
+        held = (i == 1 and headed[0]) or (i == last and headed[1])
+        ends = (i == 1, i == last) if not held else (False, False)
+        if i == last and headed[1]:
+            turn = _Turn(after, here, before, bool(exact[i]), ends)
+            extra = _rounded(turn, space, radius)[::-1]
         else:
-            extra = _two_turns(vertices[-1], here, after, bool(exact[i]), space, radius)
+            extra = _rounded(_Turn(before, here, after, bool(exact[i]), ends), space, radius)
         vertices.extend(extra)
         flags.extend([bool(exact[i]) and vertex is here for vertex in extra])
     return np.array([*vertices, polygon[-1]]), np.array([*flags, exact[-1]])
 
 
-def _two_turns(
-    before: Array, here: Array, after: Array, exact: bool, space: Space, radius: float
-) -> list[Array]:
+class _Turn(NamedTuple):
+    """A sharp turn at a vertex, `exact` if it has to be passed, between those before and after it.
+
+    `ends`: which of these end the way; none if a leg of the turn has a heading.
+    """
+
+    before: Array
+    here: Array
+    after: Array
+    exact: bool
+    ends: tuple[bool, bool]
+
+
+def _rounded(turn: _Turn, space: Space, radius: float) -> list[Array]:
     """Return the vertices for one sharp turn; an exact vertex is among them.
 
     The shortest leg that gives a turn of `radius` [m] is taken, else the one that turns widest.
     """
-    best: list[Array] | None = None
-    best_radius = 0.0
+    here, best, best_radius = turn.here, list[Array](), 0.0
+    into, onward = _unit(here - turn.before), _unit(turn.after - here)
     for width in _LEGS:
-        for trial in _trials(_unit(here - before), _unit(after - here), here, width, exact):
-            way = np.stack((before, trial[0], trial[-1], after))
+        for trial in (*_trials(into, onward, here, width, turn.exact), *_swung(turn, width)):
+            way = np.stack((turn.before, *trial[:1], *trial[1:][-1:], turn.after))
             turned = _least_radius(way)
             if turned > best_radius and space.keeping(way[:-1], way[1:]).all():
                 best, best_radius = trial, turned
         if best_radius >= radius:
             break
-    if best is None:
+    if not best:
         raise PlanError(
             f"no room to turn round at ({here[0]:.2f}, {here[1]:.2f})",
             place=(float(here[0]), float(here[1])),
             helps="more room there or another heading",
         )
     return best
+
+
+def _swung(turn: _Turn, width: float) -> Iterator[list[Array]]:
+    """Yield a vertex in place of the turn's, `width` [m] beside the line between its neighbours.
+
+    A robot that touches something may have to back away a little before it passes that; one that
+    may set out, or arrive, in any direction swings out instead.
+    """
+    pairs = (turn.before, turn.after), (turn.after, turn.before)
+    for (end, other), is_end in zip(pairs, turn.ends, strict=True):
+        if is_end and not turn.exact:
+            line = other - end
+            ahead = min(0.5 * math.hypot(*line), _SLOPE * width) * _unit(line)
+            side = width * np.array([-ahead[1], ahead[0]]) / math.hypot(*ahead)
+            yield from ([end + ahead + side], [end + ahead - side])
 
 
 def _trials(
@@ -101,14 +132,16 @@ def _trials(
 
 
 def _least_radius(way: Array) -> float:
-    """Return the least radius [m] of the two corners of a way (4, 2) when each takes half a leg."""
+    """Return the least radius [m] of a way's corners (3 or 4, 2) when two take half a leg each."""
     legs = np.diff(way, axis=0)
     sizes = np.hypot(legs[:, 0], legs[:, 1])
-    unit = legs / sizes[:, None]
-    middle = 0.5 * sizes[1]
+    room = sizes * np.array((0.9, *(0.5 for _ in sizes[2:]), 0.9))
     return min(
-        radius_of(min(0.9 * sizes[0], middle), turn_between(*unit[0], *unit[1])),
-        radius_of(min(middle, 0.9 * sizes[2]), turn_between(*unit[1], *unit[2])),
+        radius_of(
+            min(room[k], room[k + 1]),
+            turn_between(*(legs[k] / sizes[k]), *(legs[k + 1] / sizes[k + 1])),
+        )
+        for k in range(len(legs) - 1)
     )
 
 

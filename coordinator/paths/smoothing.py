@@ -74,7 +74,7 @@ def smooth_near(polygon: Array, exact: Flags, space: Space, cut: float) -> Fit:
     """
     straight = False, False
     polygon, exact = _without_straight(polygon, exact, straight)
-    blunted, passed = blunt(polygon, exact, space, False, 0.0)
+    blunted, passed = blunt(polygon, exact, space, straight, 0.0)
     if blunted is not polygon:
         polygon, exact = _without_straight(blunted, passed, straight)
     legs = np.diff(polygon, axis=0)
@@ -97,7 +97,7 @@ def _smoothed(
 ) -> Fit:
     """Do what `smooth` does; `space` needs only the discs that are near the polygon."""
     polygon, exact = _without_straight(polygon, exact, headed)
-    blunted, passed = blunt(polygon, exact, space, headed[1], handling.easy)
+    blunted, passed = blunt(polygon, exact, space, headed, handling.easy)
     if blunted is not polygon:
         polygon, exact = _without_straight(blunted, passed, headed)
     begin, end = 1 + headed[0], len(polygon) - 1 - headed[1]

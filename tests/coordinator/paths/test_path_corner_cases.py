@@ -93,6 +93,28 @@ def test_a_via_at_a_turn_too_sharp_to_round_is_passed_exactly(degrees, legs):
         assert nearest(curve, (legs[0], 0.0)) < 1e-4
 
 
+@pytest.mark.parametrize("apart", [1e-4, 5e-4, 1.3e-3, 4e-3])
+@pytest.mark.parametrize("leaves", [True, False])
+def test_a_robot_that_touches_a_round_pillar_swings_out_and_does_not_turn_back(apart, leaves):
+    """The ground is grown by straight edges: a place may lie within it by less than their sagitta.
+
+    A way from there, or to there, backs out of the ground first.
+    """
+    outer = 0.3 / math.cos(math.pi / 24)
+    angles = np.arange(0.5, 24.5) * math.pi / 12
+    pillar = [(3 + outer * math.cos(a), 3 + outer * math.sin(a)) for a in angles.tolist()]
+    solid = shapely.Polygon(pillar)
+    for degrees in range(0, 360, 5):
+        angle = math.radians(degrees)
+        ray = shapely.LineString(((3, 3), (3 + math.cos(angle), 3 + math.sin(angle))))
+        place = ray.intersection(solid.buffer(0.22 + apart, quad_segs=256).exterior).coords[0]
+        beyond = (3 - 1.5 * math.cos(angle + 0.5), 3 - 1.5 * math.sin(angle + 0.5))
+        ends = (place, beyond) if leaves else (beyond, place)
+        curve = path_of([a_robot("A", *ends, radius=0.2)], [pillar])
+        bends = np.abs(curve.curvature(np.linspace(0.0, curve.knots[-1], 2001)))
+        assert 1.0 / bends.max() > 0.04
+
+
 def test_pushing_keeps_its_budget_for_robots_that_turn_on_the_spot():
     pillar = solid_of_space([box(4.2, 0.2, 5, 3)], reach=0.2)
     polygon, exact = (
