@@ -242,14 +242,18 @@ def among_further(
 
 def _earliest(search: _Search) -> _Try:
     """Return the path on which the robot arrives first: the shortest, a bent one, or a detour."""
+    bends = search.wish.leaves is None and may_bend(search.wish.robot)
     try:
-        best = _try(search, NO_DISCS)
+        return _bent(search) if bends else _detour(search)
     except PlanError:
         if not search.wish.late:
             raise
         return _earliest(replace(search, wish=replace(search.wish, late={})))
-    if search.wish.leaves is None and may_bend(search.wish.robot):
-        return _bent(search, best)
+
+
+def _detour(search: _Search) -> _Try:
+    """Return a try on the shortest path, or on one that avoids where the robot waits longest."""
+    best = _try(search, NO_DISCS)
     for _ in range(_DETOURS):
         discs = _conflict_discs(search.wish.robot, best)
         if discs is None:
@@ -264,24 +268,35 @@ def _earliest(search: _Search) -> _Try:
     return best
 
 
-def _bent(search: _Search, best: _Try) -> _Try:
-    """Return a try on a path that moves aside, if the robot arrives earlier on it.
+def _bent(search: _Search) -> _Try:
+    """Return a try on the shortest path, or on one that moves aside if the robot arrives earlier.
 
     Such a path is looked for on ever finer meshes, as long as the robot loses much.
     """
     site, wish = search.site, search.wish
-    ramp = 0.5 * site.scenario.planned_speed(wish.robot) / best.track.limits.ramp
-    alone = best.release + best.track.alone
+    path = search.finder.path(0)
+    release, track = _release(wish, path), _track(site, wish.robot, path)
+    ramp = 0.5 * site.scenario.planned_speed(wish.robot) / track.limits.ramp
+    found, error, finish = None, None, math.inf
+    try:
+        found = _motion(search, path)
+        finish = found.motion.finish
+    except PlanError as problem:
+        error = problem
     for pitch in PITCHES:
-        if best.motion.finish < alone + pitch.lost:
+        if finish < release + track.alone + pitch.lost:
             break
-        latest = best.motion.finish - _WORTH
-        times = Times(best.release, latest, ramp, site.terms.tau)
-        path = site.bends.path(search.finder, search.others, wish.late, times, pitch)
-        if path is not None:
+        latest = finish - _WORTH
+        times = Times(release, latest, ramp, site.terms.tau)
+        aside = site.bends.path(search.finder, search.others, wish.late, times, pitch)
+        if aside is not None:
             with suppress(PlanError):
-                best = _motion(search, path, latest)
-    return best
+                found = _motion(search, aside, latest)
+                finish = found.motion.finish
+    if found is None:
+        assert error is not None
+        raise error
+    return found
 
 
 def _try(search: _Search, discs: Array) -> _Try:
@@ -359,6 +374,11 @@ def _turning(path: Nurbs, wish: Wish) -> float:
     return abs(turn) / wish.robot.max_turn_rate + _TURN_TIME if abs(turn) > 0.01 else 0.0
 
 
+def _release(wish: Wish, path: Nurbs) -> float:
+    """Return when [s] a robot at rest has turned towards its path."""
+    return 0.001 * wish.begin_ms + wish.delay + _turning(path, wish)
+
+
 def _motion(search: _Search, path: Nurbs, latest: float = math.inf) -> _Try:
     """Return the earliest motion of a robot that stands at its start until it has turned.
 
@@ -367,7 +387,7 @@ def _motion(search: _Search, path: Nurbs, latest: float = math.inf) -> _Try:
     wish = search.wish
     if 0 < wish.holds.points < len(path.points):
         raise PlanError("cannot hold its path", wish.robot.id)
-    release = 0.001 * wish.begin_ms + wish.delay + _turning(path, wish)
+    release = _release(wish, path)
     track = _track(search.site, wish.robot, path)
     junctions, motions, near = _among(search, track)
     departure = Departure(release, math.inf, 0.001 * wish.begin_ms)

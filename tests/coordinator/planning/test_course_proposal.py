@@ -262,6 +262,16 @@ def test_a_robot_that_finds_no_way_behind_a_late_one_is_planned_as_if_that_were_
     assert never.course.driven.timeline.finish < on_time + 1.0
 
 
+def test_a_robot_in_whose_way_another_one_comes_moves_aside():
+    """Neither at its start nor on its shortest path could it wait for the other one to pass."""
+    robots = [a_robot("A", (3.0, 1.0), (9.0, 1.0)), a_robot("B", (9.5, 4.0), (0.5, 4.0))]
+    site, courses, robots = a_site(a_scenario(robots))
+    stopped = replace(robots["A"], start=(3.0, 4.0), goal=(8.0, 4.0))
+    found = propose(site, Wish(stopped, 0.0, 0, 1, 1_000), [courses["B"]])
+    assert_keeps_apart(found, [courses["B"]], site.terms.tau, site.terms.margin)
+    assert np.abs(found.course.driven.chain.points[:, 1] - 4.0).max() > 0.3
+
+
 def test_a_robot_gets_a_course_that_it_can_hold_or_is_told_what_it_cannot():
     scenario = generate("rooms", 24, 6)
     site, courses, robots = a_site(scenario)
