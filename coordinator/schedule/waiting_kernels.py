@@ -73,32 +73,67 @@ class Closed(NamedTuple):
     owners: Indices
 
 
+class _Move(NamedTuple):
+    """A move from rest at one station to rest at another, as fast as the ceiling allows.
+
+    From `begin` to `end` [m].  It is at the ceiling from `low` to `high` [m], if low < high: it
+    takes `to_low` [s] to get there, `cruise` [s] more than `elapsed` says behind that, and
+    `from_high` [s] down to rest.  Otherwise it takes `climb` [s] for each `half` [m] of its way.
+    """
+
+    begin: float
+    end: float
+    low: float
+    to_low: float
+    cruise: float
+    high: float
+    from_high: float
+    at_high: float
+    half: float
+    climb: float
+
+
+@compiled
+def _move(ride: Ride, p: int, q: int) -> _Move:
+    """Return the move from station p to station q."""
+    a, b = ride.stations[p], ride.stations[q]
+    half, climb = 0.5 * (b[PLACE] - a[PLACE]), 0.0
+    if a[LOW] >= b[HIGH] and half > 0.0:
+        peak = min(2.0 * half * ride.ramp, _height(ride.ceiling, a[PLACE] + half))
+        climb = 2.0 * half / math.sqrt(peak)
+    cruise = a[TO_LOW] - a[AT_LOW]
+    ends = a[PLACE], b[PLACE]
+    return _Move(*ends, a[LOW], a[TO_LOW], cruise, b[HIGH], b[FROM_HIGH], b[AT_HIGH], half, climb)
+
+
+@compiled
+def _passed(move: _Move, s: float, elapsed: float) -> float:
+    """Return how long after its begin a move passes s [m]; `elapsed` as in `passing_time`."""
+    if move.low < move.high:
+        if s <= move.low:
+            whole = move.low - move.begin
+            part = max(s - move.begin, 0.0) / whole if whole > 0.0 else 0.0
+            return float(move.to_low * math.sqrt(part))
+        if s < move.high:
+            return float(move.cruise + elapsed)
+        whole = move.end - move.high
+        left = move.from_high * math.sqrt(max(move.end - s, 0.0) / whole) if whole > 0.0 else 0.0
+        return float(move.cruise + move.at_high + move.from_high - left)
+    if move.half <= 0.0:
+        return 0.0
+    part = (s - move.begin) / move.half
+    if part <= 1.0:
+        return float(move.climb * math.sqrt(max(part, 0.0)))
+    return float(move.climb * (2.0 - math.sqrt(max(2.0 - part, 0.0))))
+
+
 @compiled
 def passing_time(ride: Ride, p: int, q: int, s: float, elapsed: float) -> float:
     """Return how long after leaving station p for a rest at q the robot passes s [m].
 
     `elapsed` [s]: Ride.elapsed at s; it matters only where the robot drives at the ceiling.
     """
-    a, b = ride.stations[p], ride.stations[q]
-    if a[LOW] < b[HIGH]:
-        if s <= a[LOW]:
-            whole = a[LOW] - a[PLACE]
-            part = max(s - a[PLACE], 0.0) / whole if whole > 0.0 else 0.0
-            return float(a[TO_LOW] * math.sqrt(part))
-        cruise = a[TO_LOW] - a[AT_LOW]
-        if s < b[HIGH]:
-            return float(cruise + elapsed)
-        whole = b[PLACE] - b[HIGH]
-        left = b[FROM_HIGH] * math.sqrt(max(b[PLACE] - s, 0.0) / whole) if whole > 0.0 else 0.0
-        return float(cruise + b[AT_HIGH] + b[FROM_HIGH] - left)
-    half = 0.5 * (b[PLACE] - a[PLACE])
-    if half <= 0.0:
-        return 0.0
-    peak = min(2.0 * half * ride.ramp, _height(ride.ceiling, a[PLACE] + half))
-    climb, part = 2.0 * half / math.sqrt(peak), (s - a[PLACE]) / half
-    if part <= 1.0:
-        return float(climb * math.sqrt(max(part, 0.0)))
-    return float(climb * (2.0 - math.sqrt(max(2.0 - part, 0.0))))
+    return _passed(_move(ride, p, q), s, elapsed)
 
 
 @compiled
@@ -124,18 +159,17 @@ def _height(ceiling: Array, s: float) -> float:
 
 
 @compiled
-def _border(ride: Ride, p: int, q: int, k: int) -> float:
-    """Return how long after leaving station p for q the robot passes the border before cell k.
+def _border(ride: Ride, move: _Move, k: int) -> float:
+    """Return how long after its begin a move passes the border before cell k.
 
-    A border before p counts as p, one beyond q as q.
+    A border before its begin counts as that, one beyond its end as its end.
     """
-    begin, end = ride.stations[p, PLACE], ride.stations[q, PLACE]
     s = k * ride.cell
-    if s <= begin:
+    if s <= move.begin:
         return 0.0
-    if s >= end:
-        return passing_time(ride, p, q, end, 0.0)
-    return passing_time(ride, p, q, s, ride.elapsed[k])
+    if s >= move.end:
+        return _passed(move, move.end, 0.0)
+    return _passed(move, s, ride.elapsed[k])
 
 
 @compiled
@@ -187,9 +221,8 @@ def safe_times(forbidden: ForbiddenTimes, s: float, cell: int, polite: bool) -> 
 @compiled
 def closed_departures(ride: Ride, forbidden: ForbiddenTimes, p: int, q: int, closed: Closed) -> int:
     """Write the departures that a move from p to q must not have; return how many intervals."""
-    a, b = ride.stations[p], ride.stations[q]
-    first, last, count = int(a[CELL]), int(b[CELL]), 0
-    cruise = a[TO_LOW] - a[AT_LOW]
+    first, last = int(ride.stations[p, CELL]), int(ride.stations[q, CELL])
+    move, count = _move(ride, p, q), 0
     for z in range(len(forbidden.low)):
         begin, end = forbidden.first[z], forbidden.first[z + 1]
         if (
@@ -198,22 +231,22 @@ def closed_departures(ride: Ride, forbidden: ForbiddenTimes, p: int, q: int, clo
             or forbidden.cell[end - 1] < first
         ):
             continue
-        if _cruises(ride, p, q, forbidden.cell[begin], forbidden.cell[end - 1]):
-            closed.begins[count] = forbidden.low[z] - cruise
-            closed.ends[count] = forbidden.high[z] - cruise
+        if _cruises(ride, move, forbidden.cell[begin], forbidden.cell[end - 1]):
+            closed.begins[count] = forbidden.low[z] - move.cruise
+            closed.ends[count] = forbidden.high[z] - move.cruise
             closed.owners[count] = z
             count += 1
             continue
         rows = _rows_between(forbidden.cell, begin, end, first, last)
-        before, count = count, _forbidden_by(ride, forbidden, p, q, rows, closed, count)
+        before, count = count, _forbidden_by(ride, forbidden, move, rows, closed, count)
         closed.owners[before:count] = z
     return count
 
 
 @compiled
-def _cruises(ride: Ride, p: int, q: int, first: int, last: int) -> bool:
-    """Tell whether a move from p to q is at the ceiling from cell `first` to cell `last`."""
-    low, high = ride.stations[p, LOW], ride.stations[q, HIGH]
+def _cruises(ride: Ride, move: _Move, first: int, last: int) -> bool:
+    """Tell whether a move is at the ceiling from cell `first` to cell `last`."""
+    low, high = move.low, move.high
     return bool(low < high and first * ride.cell >= low and (last + 1) * ride.cell <= high)
 
 
@@ -221,8 +254,7 @@ def _cruises(ride: Ride, p: int, q: int, first: int, last: int) -> bool:
 def _forbidden_by(
     ride: Ride,
     forbidden: ForbiddenTimes,
-    p: int,
-    q: int,
+    move: _Move,
     rows: tuple[int, int],
     closed: Closed,
     count: int,
@@ -232,16 +264,18 @@ def _forbidden_by(
     What consecutive rows forbid mostly overlaps and becomes one interval.
     """
     begins, ends = closed.begins, closed.ends
-    cruise = ride.stations[p, TO_LOW] - ride.stations[p, AT_LOW]
     earliest, latest = math.inf, -math.inf
+    border, passed = -1, 0.0
     for r in range(rows[0], rows[1]):
         if forbidden.begin[r] >= forbidden.end[r]:
             continue
         cell = forbidden.cell[r]
-        if _cruises(ride, p, q, cell, cell):
-            enters, leaves = cruise + ride.elapsed[cell], cruise + ride.elapsed[cell + 1]
+        if _cruises(ride, move, cell, cell):
+            enters, leaves = move.cruise + ride.elapsed[cell], move.cruise + ride.elapsed[cell + 1]
         else:
-            enters, leaves = _border(ride, p, q, cell), _border(ride, p, q, cell + 1)
+            enters = passed if cell == border else _border(ride, move, cell)
+            leaves = _border(ride, move, cell + 1)
+            border, passed = cell + 1, leaves
         low, high = forbidden.begin[r] - leaves, forbidden.end[r] - enters
         if low < latest and high > earliest:
             earliest, latest = min(earliest, low), max(latest, high)
