@@ -119,8 +119,11 @@ class Grants:
         self._limits: dict[str, int] = {}
         """By robot: how far it may drive on the course in force, because of a closed place."""
 
+        self._ends: dict[str, int] = {}
+        """By robot: where [ms] it comes to rest on the course in force, if it was halted there."""
+
         self.given_up: set[str] = set()
-        """Robots that are granted nothing more on the course in force."""
+        """Robots that are granted nothing more on the course in force, for ever."""
 
         self.standstills = Standstills(self._names)
         self._done = np.zeros(2 * count, bool)
@@ -179,6 +182,8 @@ class Grants:
         made._next_number, made._reserved = told.next_number, set(told.reserved)
         made._limits = told.limits
         made.given_up = set(told.given_up)
+        for name in made.given_up:
+            made._ends[name] = int(made._rule.most[made._courses[name].now.slot])
         return made
 
     def in_force(self) -> tuple[list[Course], Staircases]:
@@ -228,8 +233,13 @@ class Grants:
         return robot in self.given_up and (coming is None or coming.is_withdrawn)
 
     def limit(self, robot: str, most_ms: int) -> None:
-        """Grant a robot never more than this on the course in force."""
+        """Grant a robot never more than this on the course in force, and less if it was halted."""
         self._limits[robot] = most_ms
+        self._bound(robot)
+
+    def _bound(self, robot: str) -> None:
+        """Grant on a robot's course in force up to its limit, and to where it was halted."""
+        most_ms = min(self.limit_of(robot), self._ends.get(robot, EVER))
         self._rule.most[self._courses[robot].now.slot] = most_ms
 
     def reserve(self) -> int:
@@ -287,7 +297,8 @@ class Grants:
         end_ms = self._end_ms(robot)
         if robot not in self.given_up:
             end_ms = max(end_ms, at_ms)
-        self._rule.most[self._courses[robot].now.slot] = end_ms
+        self._ends[robot] = end_ms
+        self._bound(robot)
         return end_ms
 
     def _end_ms(self, robot: str) -> int:
@@ -326,7 +337,8 @@ class Grants:
     def go_on(self, robot: str) -> None:
         """Grant again on a robot's course what is safe, unless it was given up or has left."""
         if robot in self._courses and robot not in self.given_up:
-            self.limit(robot, self.limit_of(robot))
+            self._ends.pop(robot, None)
+            self._bound(robot)
 
     def limit_of(self, robot: str) -> int:
         """Return how far a robot may ever drive on the course in force [ms]."""
@@ -409,6 +421,7 @@ class Grants:
         """
         mine = self._courses.pop(robot, None)
         self._limits.pop(robot, None)
+        self._ends.pop(robot, None)
         for one in mine or ():
             self._reserved.add(one.number)
             self._rule.arrive(one.slot)
@@ -448,21 +461,37 @@ class Grants:
         """Take in that a robot has left its old course for the next one."""
         old, mine.now, mine.next = mine.now, begun, None
         begun.course = None if begun.course is None else begun.course.begun()
-        robot = self._names[begun.slot]
-        if not begun.is_withdrawn:
-            self.given_up.discard(robot)
+        robot, rule = self._names[begun.slot], self._rule
         self._limits.pop(robot, None)
-        rule = self._rule
+        if begun.is_withdrawn:
+            self._take_place(begun, old)
+            return
+        self.given_up.discard(robot)
+        self._ends.pop(robot, None)
         rule.reach(begun.slot, begun.begin_ms)
-        if not begun.is_withdrawn:
-            rule.reach(old.slot, EVER)
+        rule.reach(old.slot, EVER)
         rule.part(begun.slot)
-        rule.barred[old.slot], rule.barred[begun.slot] = True, begun.is_withdrawn
+        rule.barred[old.slot] = True
         self._numbers[old.slot] = -1
         self.standstills.begin(begun.slot, old.slot, now_ms)
 
+    def _take_place(self, begun: Sent, old: Sent) -> None:
+        """Let a withdrawn course that was begun take the old one's place in the tables.
+
+        Its robot can be nowhere but where the old one has it as well, or where it rested on that.
+        So those behind it wait for what it has passed of the old one, until it drives another.
+        """
+        rule, slot, own = self._rule, old.slot, begun.slot
+        rule.granted[slot] = rule.granted[own]
+        rule.told[slot] = min(int(rule.told[slot]), int(rule.told[own]))
+        rule.barred[slot] = True
+        self._numbers[slot], self._numbers[own] = begun.number, -1
+        begun.slot = slot
+
     def _hear_progress(self, sent: Sent, report: Report, now_ms: int) -> bool:
         slot = sent.slot
+        if sent.is_withdrawn and sent.shared_ms <= sent.begin_ms:
+            return True  # It rests where it begins, and has passed no more of the one before.
         self._done[slot] = report.phase == DONE
         if report.phase == DONE:
             self._rule.arrive(slot)

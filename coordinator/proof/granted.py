@@ -51,6 +51,9 @@ class _Known:
     shared_ms: int = 0
     """Until when it is the course before it; where it begins at rest, that is its beginning."""
 
+    is_withdrawn: bool = False
+    """Whether others go around its robot, which was sent it and had not said that it drives it."""
+
 
 class Granted:
     """What one epoch's Commands granted and its Reports told [ms of plan time]; both only grow.
@@ -119,7 +122,7 @@ class Granted:
         mine = self._now.get(robot)
         if known is None and mine is not None:
             coming = self._next.get(robot)
-            is_free = coming is None or coming.slot in self._ended
+            is_free = coming is None or coming.is_withdrawn
             if is_free and plan.revision == (coming or mine).revision + 1:
                 return False
         if known is None and robot in self._joining and plan.revision == 0:
@@ -189,17 +192,12 @@ class Granted:
         """
         coming = self._next.get(robot)
         if coming is not None and report.revision >= coming.revision:
-            old, self._now[robot] = self._now[robot], self._next.pop(robot)
-            if (
-                coming.slot not in self._ended
-            ):  # One that was withdrawn ends where the old one does.
-                self._passed[old.slot], self._at_goal[old.slot] = np.inf, True
-            self._ended.pop(old.slot, None)
-            self._passed[coming.slot] = max(self._passed[coming.slot], coming.begin_ms)
-            self._courses = {n: one for n, one in self._courses.items() if one is not old}
+            self._begin(robot, coming)
         known = self._now.get(robot)
         if known is None or known.revision != report.revision:
             return
+        if known.is_withdrawn and known.shared_ms <= known.begin_ms:
+            return  # It rests where that begins, and has passed no more of the course before.
         slot = known.slot
         if report.phase == DONE:
             self._passed[slot], self._at_goal[slot] = np.inf, True
@@ -212,6 +210,24 @@ class Granted:
             least = min(self._passed[slot], coming.shared_ms)
             self._passed[coming.slot] = max(self._passed[coming.slot], least)
 
+    def _begin(self, robot: str, coming: _Known) -> None:
+        """Take in that a robot has left its course for the next one.
+
+        On one that was withdrawn it is where the old one has it as well, or where it rested on
+        that: it takes the old one's place, and others wait for what the robot has passed of that.
+        """
+        old, self._now[robot] = self._now[robot], self._next.pop(robot)
+        self._courses = {n: one for n, one in self._courses.items() if one is not old}
+        if coming.is_withdrawn:
+            slot, own = old.slot, coming.slot
+            self._granted[slot] = self._granted[own]
+            self._ended[slot] = self._ended.pop(own)
+            coming.slot, coming.other_slot = slot, own
+            return
+        self._passed[old.slot], self._at_goal[old.slot] = np.inf, True
+        self._ended.pop(old.slot, None)
+        self._passed[coming.slot] = max(self._passed[coming.slot], coming.begin_ms)
+
     def end_grants(self, robot: str) -> tuple[float, float]:
         """Take in that a robot is granted nothing more on its course, because others go around it.
 
@@ -222,6 +238,7 @@ class Granted:
         if coming is not None:  # It is withdrawn, and holds nobody.
             ended = max(float(coming.begin_ms), float(self._granted[coming.slot]))
             self._ended[coming.slot], self._passed[coming.slot] = ended, np.inf
+            coming.is_withdrawn = True
         return float(self._passed[slot]), self._ended[slot]
 
     def take_command(self, command: Command) -> None:

@@ -9,6 +9,7 @@ import pytest
 from coordinator.fleet.grants import Grants
 from coordinator.fleet.sent_courses import Sent
 from coordinator.plan.staircases import Staircases
+from coordinator.schedule.authority import EVER
 from protocol.messages import MOST_HELD, Command, Report
 from protocol.phases import DONE, GO, MOVING
 from protocol.timeline import Timeline
@@ -76,19 +77,22 @@ def test_the_one_behind_is_held_until_the_one_ahead_says_that_it_has_passed():
 
 
 def test_a_robot_that_begins_a_course_that_was_withdrawn_still_holds_those_behind_it():
-    """It drives no farther than it was told on the course before, and nobody waits for the new."""
+    """It is where the course before has it as well; the new one takes its place in the tables."""
     grants = Grants(staircases((0, 1, 4_000, 3_000)), ["R1", "R2"], HEADROOM)
     for now in range(0, 2_000, 100):
         state(grants, now)
         grants.hear("R2", report(now), now)
         grants.hear("R1", report(min(now, 1_000)), now)
     grants.of("R1").next = Sent(2, 5, revision=1, begin_ms=1_000, shared_ms=2_000)
+    grants._rule.open(2, 1_000, 2_000)
     grants.give_up("R1")
     grants.hear("R1", msgspec.structs.replace(report(2_000, sequence=2), revision=1), 2_000)
     for now in range(2_000, 9_000, 100):
         stated = state(grants, now)
         grants.hear("R2", report(now), now)
-    assert stated[1] == ((1, 3_999),)
+    assert stated[1] == ((1, 3_999), (5, 0))
+    assert (grants.of("R1").now.slot, grants.of("R1").free_slot) == (0, 2)
+    assert grants.spans("R1") == [(1, 2_000, 2_000)]
 
 
 def test_a_robot_that_was_given_up_is_granted_nothing_more_wherever_it_is_to_leave_its_course():
@@ -101,6 +105,33 @@ def test_a_robot_that_was_given_up_is_granted_nothing_more_wherever_it_is_to_lea
         grants.hear("R1", report(now), now)
         stated = state(grants, now)
     assert (0, 1_000) in stated[1]
+
+
+def test_a_robot_that_was_given_up_is_granted_nothing_more_whatever_is_closed_or_opened():
+    grants = Grants(staircases(), ["R1", "R2"], HEADROOM)
+    state(grants, 0)
+    grants.give_up("R1")
+    for most_ms in (5_000, EVER):
+        grants.limit("R1", most_ms)
+        grants.go_on("R1")
+        for now in range(0, 3_000, 100):
+            grants.hear("R1", report(now), now)
+            stated = state(grants, now)
+        assert (0, 1_000) in stated[1]
+    copy = Grants.of_plain(grants.plain())
+    copy.limit("R1", EVER)
+    assert (0, 1_000) in state(copy, 3_000)[1]
+
+
+def test_a_robot_that_is_halted_stays_so_whatever_is_opened_until_it_may_go_on():
+    grants = Grants(staircases(), ["R1"], HEADROOM)
+    state(grants, 0)
+    grants.halt("R1")
+    grants.limit("R1", EVER)
+    grants.hear("R1", report(1_000), 1_000)
+    assert state(grants, 1_000) == (2_000, ((0, 1_000),))
+    grants.go_on("R1")
+    assert state(grants, 1_000) == (2_000, ())
 
 
 def test_reports_of_strangers_and_reports_without_a_stamp_say_nothing():
