@@ -187,6 +187,7 @@ def _row(name: str, answer: Answer) -> Row:
         "arrived": answer.arrived,
         "expected": answer.expected,
         "closed in": answer.excused.get("closed in", 0),
+        "too near": answer.excused.get("too near", 0),
     }
     if "around" in answer.latency:
         row["around 99 %"] = answer.latency["around"].p99

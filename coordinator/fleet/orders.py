@@ -330,8 +330,12 @@ class OrderBook:
         if task is None or task.is_over:
             self._made_room += 1
             order = Order(id=f"{_WAY}{self._made_room}", robot=robot, goal=goal, via=via)
+            known = (one for one in reversed(self.tasks.values()) if one.order.robot == robot)
+            before = next((one for one in known if one.order.id.startswith(_WAY)), None)
             task = self.give(order, now_ms)
             task.purpose = f"goes around {what}"
+            if before is not None and before.state == REFUSED and before.order.goal == goal:
+                task.rooms = before.rooms  # Or others would make room for the same way for ever.
         elif does or task.revision == revision > 0:
             task.order = replace(task.order, via=via)
         task.robot, task.is_urgent, task.reason = robot, True, f"goes around {what}"

@@ -51,7 +51,8 @@ _ROOM: Final = 0.006
 They may set out from there: on their staircases others keep STANDOFF more than the margin away."""
 
 _AGAIN_MS: Final = 20_000
-"""A robot that found no way around what is in its way looks again after this."""
+"""A robot that found no way around what is in its way looks again after this, if anybody has got
+on since."""
 
 _MOST_SITES: Final = 8
 """How many floors with different obstructions are kept."""
@@ -96,8 +97,9 @@ class Obstructions:
         self._avoided: dict[tuple[str, int], frozenset[str]] = {}
         """By robot and revision: the closed places that the course was planned around."""
 
-        self._tried: dict[str, tuple[object, int]] = {}
-        """By robot: what was in the way when it was last sent around it, and when [ms]."""
+        self._tried: dict[str, tuple[object, int, int]] = {}
+        """By robot: what was in the way when it was last sent around it, when [ms], and when any
+        robot had last got on [ms]."""
 
         self._told: dict[tuple[str, int], set[str]] = {}
         """By robot and revision: the closed places for which the robot was dealt with."""
@@ -324,10 +326,11 @@ class Obstructions:
         if mine is None or mine.now.course is None or waits:
             return
         state = (mine.now.revision, frozenset(self._around), frozenset(self._closed))
-        tried, since_ms = self._tried.get(robot, (None, 0))
-        if tried == state and now_ms - since_ms < _AGAIN_MS:
+        got_on_ms = self._fleet.grants.standstills.got_on_latest_ms
+        tried, since_ms, then_ms = self._tried.get(robot, (None, 0, 0))
+        if tried == state and (now_ms - since_ms < _AGAIN_MS or got_on_ms == then_ms):
             return
-        self._tried[robot] = (state, now_ms)
+        self._tried[robot] = (state, now_ms, got_on_ms)
         (span, *_) = self._fleet.spans(robot)
         ride, one = mine.now.course.driven, self._robots[robot]
         goal: Pose = mine.now.course.goal

@@ -9,7 +9,7 @@ Must not know: how faults are chosen.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Final
 
@@ -152,9 +152,8 @@ def arrived(world: World, document: PlanDocument, boxes: Mapping[str, BlackBox])
 
 def excused(world: World, document: PlanDocument, over_ns: int) -> dict[str, str]:
     """Return the robots that cannot be expected to reach their goals of the plan, and why."""
-    closed = _closed_in(world, document)
     failed = {one.fault.robot for one in world.struck if one.fault.kind in _OWN}
-    why = dict.fromkeys(closed, "closed in")
+    why = dict[str, str]()
     for name, member in world.fleet.members.items():
         if not member.is_fit and name in failed:
             why[name] = "unfit"
@@ -166,17 +165,36 @@ def excused(world: World, document: PlanDocument, over_ns: int) -> dict[str, str
             ends = one.now_ns + (fault.value + _RETURN) * SECOND
             if ends > over_ns:
                 why[fault.robot] = fault.kind
+    why |= dict.fromkeys(_too_near(world, document).difference(why), "too near")
+    while closed := _closed_in(world, document, why):
+        why |= dict.fromkeys(closed, "closed in")
     return {name: reason for name, reason in why.items() if name in world.robots}
 
 
-def _closed_in(world: World, document: PlanDocument) -> list[str]:
+def _too_near(world: World, document: PlanDocument) -> set[str]:
+    """Return the robots that stand nearer to another one than any course may begin, by a slide."""
+    slid = {one.fault.robot for one in world.struck if one.fault.kind == "skid"}
+    found = set[str]()
+    for a, b in combinations(document.robots, 2):
+        if (a.id in slid or b.id in slid) and a.id in world.robots and b.id in world.robots:
+            apart = math.dist(_place(world, a.id), _place(world, b.id))
+            if apart < a.radius + b.radius + document.margin:
+                found |= {a.id, b.id}
+    return {name for name in found if not world.fleet.members[name].finished}
+
+
+def _closed_in(world: World, document: PlanDocument, stay: Collection[str]) -> list[str]:
     """Return the robots that are not at their goals and truly have no way there.
 
-    Robots that others go around count as solid wherever they may stand, and those that rest where
-    they are, at their goals or before a way that is closed; via points are disregarded.
+    Those that `stay` where they are count as solid, and those that are at their goals.  Others that
+    stand in the way do not: they could drive.  Via points are disregarded.
     """
-    site, members, around = world.mission.site, world.fleet.members, dict(_around(world))
-    robots = [*site.scenario.robots, *(one.robot for one in site.aside)]
+    site, members, around = world.mission.site, world.fleet.members, dict(_solid(world, stay))
+    robots = [
+        one
+        for one in (*site.scenario.robots, *(one.robot for one in site.aside))
+        if one.id not in stay
+    ]
     goals = {one.id: one.path.control_points[-1] for one in document.robots}
     closed = []
     for one in robots:
@@ -196,15 +214,15 @@ def _closed_in(world: World, document: PlanDocument) -> list[str]:
     return closed
 
 
-def _around(world: World) -> Iterator[tuple[str, tuple[Point, ...]]]:
-    """Yield what is solid for others of the robots that go no farther."""
-    yield from world.mission.dispatcher.obstructions.around.items()
-    site = world.mission.site
+def _solid(world: World, stay: Collection[str]) -> Iterator[tuple[str, tuple[Point, ...]]]:
+    """Yield what is solid for others: where robots that go no farther may stand, or stand."""
+    around, site = world.mission.dispatcher.obstructions.around, world.mission.site
     for robot in (*site.scenario.robots, *(one.robot for one in site.aside)):
         member = world.fleet.members.get(robot.id)
-        if member is not None and member.finished and robot.id in world.robots:
+        rests = robot.id in stay or (member is not None and member.finished)
+        if robot.id in world.robots and rests:
             here = np.array([_place(world, robot.id)])
-            yield robot.id, Aside(robot, "arrived", here, None).disc()
+            yield robot.id, around.get(robot.id) or Aside(robot, "arrived", here, None).disc()
 
 
 def _place(world: World, robot: str) -> Point:

@@ -18,6 +18,7 @@ from sim.campaigns.campaign import LINKS, Wish, is_promised, make_world, plan_fo
 from sim.campaigns.pool import attempt
 from sim.campaigns.shell import Campaign
 from sim.campaigns.shrink import shrink
+from sim.campaigns.truth import excused
 from sim.cli.run_commands import commands
 from sim.floors.generator import generate
 from sim.world.fault_script import read_faults
@@ -186,6 +187,33 @@ def test_a_robot_that_made_room_while_its_goal_was_closed_is_closed_in():
     outcome = run_seed(floor(floor_of(41053)), 41053)
     assert outcome.violations == ()
     assert outcome.excused["R1"] == "closed in"
+
+
+def test_robots_that_could_drive_excuse_nobody_whose_way_they_close(five):
+    scenario, document = plan_for(five, GOOD, None)
+    world = make_world(scenario, document, 1, [])
+    world.run(6.0)
+    wall = ((0.0, 5.0), (10.0, 5.0), (10.0, 6.0), (0.0, 6.0))
+    around = world.mission.dispatcher.obstructions._around
+    for robot in document.robots:
+        around[robot.id] = wall
+    assert excused(world, document, world.now_ns) == {}
+
+
+def test_robots_that_a_slide_brought_too_near_to_each_other_are_not_expected():
+    outcome = run_seed(floor(floor_of(51472)), 51472)
+    assert (outcome.violations, outcome.over) == ((), True)
+    assert outcome.excused == {"R1": "too near", "R2": "too near"}
+
+
+def test_on_a_packed_floor_everything_comes_to_an_end():
+    """Others made room, and went back, for ever; orders were given again each 20 s."""
+    link = Link(delay=0.1, loss=0.1)
+    scenario, document = plan_for(generate("puzzle", 6, 222848), link, None)
+    words = "clock-pause:R1@6.46:1.47 cut:R6@7.75:8.19 slow:R2@12.52:0.3 corrupt:R1@16.82:2.69"
+    faults = read_faults(words.split(), [robot.id for robot in scenario.robots])
+    outcome = run_one(scenario, document, 434336, faults)
+    assert (outcome.over, outcome.touches) == (True, ())
 
 
 def test_the_table_says_what_became_of_every_robot(five):
