@@ -117,6 +117,7 @@ def _compile_places() -> None:
 def _compile_bends() -> None:
     """Compile the kernels of ways in space and time, which small fleets do not need."""
     from coordinator.bends.flow_search import FlowSearch
+    from coordinator.bends.traffic_kernels import count_meetings, first_meeting, gathered
 
     robots = _robot("A", (1.0, 1.0), (9.0, 1.0)), _robot("B", (9.0, 1.1), (1.0, 1.1))
     finder = Pathfinder(_scenario(robots, ()))
@@ -135,6 +136,10 @@ def _compile_bends() -> None:
         junctions = Junctions([one.track for one in courses], [0.2, 0.2], 0.05, 0.5)
         motions = Motions(junctions.lengths(), [one.motion for one in courses])
         meeting(junctions, motions, [0, 0])
+    samples = np.zeros((1, 5))
+    traffic = gathered(samples, np.zeros(1, np.int64), 0.0, 0.0, 1.0, 1, 1)
+    first_meeting(samples, traffic, 0, 0.2, 0.5)
+    count_meetings(samples, traffic, 0, 0.2, 0.5, 1)
 
 
 def _compile_maps() -> None:
