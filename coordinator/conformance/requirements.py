@@ -143,7 +143,7 @@ REQUIREMENTS: Final[dict[str, Requirement]] = {
         "What a robot has to do",
     ),
     "FREEZE-3": Requirement(
-        "must not move again in that epoch, but by a further course after a fault of its own",
+        "must not move again in that epoch, but by a further course while Commands say GO",
         "The states of a robot",
     ),
     "FREEZE-4": Requirement(
