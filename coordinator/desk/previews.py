@@ -31,8 +31,8 @@ from protocol.codec import encode
 from protocol.messages import Plan
 
 if TYPE_CHECKING:
-    from coordinator.planning.course_proposal import Site
     from coordinator.planning.preview import Preview
+    from coordinator.planning.wish import Site
 
 _MOST_POINTS: Final = 200
 """A way is told with about so many points."""
@@ -134,7 +134,7 @@ def _run(asks: Connection, document: bytes) -> None:
 
 def _prepared(document: PlanDocument) -> Site:
     """Return the floor, prepared for previews."""
-    from coordinator.planning.course_proposal import Site
+    from coordinator.planning.wish import Site
 
     floor = document.workspace
     assert floor is not None

@@ -28,8 +28,9 @@ from coordinator.fleet.orders import Flags, Task
 from coordinator.mission.obstructions import Obstructions, PlainObstructions
 from coordinator.mission.searches import Asked, Searches
 from coordinator.plan.wire import address
-from coordinator.planning.course_proposal import Site, among_further
+from coordinator.planning.course_proposal import among_further
 from coordinator.planning.course_search import Answer
+from coordinator.planning.wish import Site
 from coordinator.scenario import plain
 from coordinator.scenario.model import Robot
 from protocol.messages import REFUSED, UNDER_WAY, WAITING

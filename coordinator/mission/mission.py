@@ -24,8 +24,8 @@ from coordinator.mission.recovery import Planner, Recovery, recover
 from coordinator.mission.replanning_input import Site
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.wire import Driven, PackedPlan, address
-from coordinator.planning.course_proposal import Site as Floor
 from coordinator.planning.course_search import Answer
+from coordinator.planning.wish import Site as Floor
 from coordinator.scenario.model import Scenario, Workspace
 
 MOST_EPOCHS: Final = 200

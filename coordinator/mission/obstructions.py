@@ -34,7 +34,7 @@ from coordinator.mission.replanning_input import (
     via_ahead,
 )
 from coordinator.plan.wire import Driven
-from coordinator.planning.course_proposal import Site
+from coordinator.planning.wish import Site
 from coordinator.scenario.model import Point, Pose, Robot
 from coordinator.schedule.authority import EVER
 from protocol.messages import REFUSED

@@ -24,7 +24,7 @@ from coordinator.fleet.log_records import CourseRequest, Found
 from coordinator.fleet.orders import Task
 from coordinator.mission.obstructions import Obstructions, Ring
 from coordinator.plan.course import Course
-from coordinator.planning.course_proposal import Site, Wish, proposal_of
+from coordinator.planning.course_proposal import proposal_of
 from coordinator.planning.course_search import (
     Answer,
     make_room,
@@ -34,6 +34,7 @@ from coordinator.planning.course_search import (
     stand,
 )
 from coordinator.planning.leading_off import UnderWay
+from coordinator.planning.wish import Site, Wish
 from coordinator.scenario.model import Point, Pose, Robot
 from coordinator.scenario.order_checks import OWN
 

@@ -4,131 +4,28 @@ The others keep their courses: the robot waits for them, or goes ahead of them w
 nobody.  On a floor where every place that robots rest at leaves the others a way there is always
 such a course: at the latest, when all others rest (Cap, Vokrinek and Kleiner 2015).
 
-Decides: how one robot gets from where it is to where it is wanted.  Must not know: why, who
-asked, clocks, messages.
+Decides: what is proposed for a wish, and that it is proven.  Must not know: how the course is
+found, why it is wanted, clocks.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Final
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-import numpy as np
 from msgspec.structs import replace as changed
 
 from coordinator.base.errors import PlanError
-from coordinator.base.kept import kept
-from coordinator.bends.among_courses import PITCHES, Bends, Times
-from coordinator.bends.courses import may_bend
-from coordinator.curves.nurbs import Array, Nurbs
-from coordinator.ground.free_space import NO_DISCS
-from coordinator.ground.grown_floor import GrownFloor
-from coordinator.motion.velocity_profile import Motion, SpeedLimits, limits_on
-from coordinator.paths.path_planner import Pathfinder
-from coordinator.plan.capacity import UNLIMITED, Capacity
-from coordinator.plan.course import Boxes, Course
+from coordinator.plan.course import Course
 from coordinator.plan.course_staircases import joined
 from coordinator.plan.document import Limits, PlanDocument
 from coordinator.plan.drafting import rounded
-from coordinator.plan.shares_of_tau import BRAKING_SHARE
 from coordinator.plan.staircases import Staircases
-from coordinator.plan.wire import Driven, pack, unpack
-from coordinator.planning.leading_off import UnderWay
-from coordinator.planning.planner import NEED_PAD, TAU_PAD
+from coordinator.plan.wire import pack, unpack
+from coordinator.planning.earliest_course import Search, earliest
+from coordinator.planning.wish import Site, Wish
 from coordinator.proof.course_proof import course_failures, pair_failures, that_may_meet
-from coordinator.scenario.floor import Floor
-from coordinator.scenario.model import Point, Pose, Robot, Scenario
-from coordinator.schedule.forbidden_interval_kernels import BOTH
-from coordinator.schedule.junctions import Junctions
-from coordinator.schedule.safe_interval_kernels import Departure
-from coordinator.schedule.safe_intervals import earliest_motion, rest_of_motion
 from coordinator.schedule.staircase_making import STANDOFF, staircases_among
-from coordinator.schedule.timetable import Motions
-from coordinator.schedule.track import Track
-
-_TURN_TIME: Final = 0.3
-"""A robot that has turned on the spot settles in this time [s]."""
-
-_DETOURS: Final = 3
-_LONG: Final = 1.0
-"""Up to _DETOURS detours are tried for a robot that waits longer than this [s] for another."""
-
-_WORTH: Final = 0.2
-"""How much quicker [s] a detour has to be."""
-
-_TIMES: Final = np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [0.0]])
-"""Which rows of Driven.legs are times."""
-
-_OVERLAP: Final = 1.8
-"""Copies of a late robot's course are apart by at most this share of tau: 2 would leave no gap
-either, but for rounding."""
-
-_MOST_COPIES: Final = 16
-"""For a robot that is later than this many copies cover there are gaps."""
-
-_CELL: Final = 0.03
-"""Length [m] of the cells of a path.  With shorter ones the robot may leave sooner by as long as it
-takes for two cells, and the search takes longer."""
-
-_LANE_ROOM: Final = 0.01
-_SPACING: Final = 0.25
-_MOST_DISCS: Final = 60
-
-
-class Site:
-    """A floor, prepared for many proposals, and the terms of the plan in force."""
-
-    def __init__(self, scenario: Scenario, terms: PlanDocument) -> None:
-        self.scenario, self.terms = scenario, terms
-        workspace = scenario.workspace
-        self.floor = GrownFloor(workspace.boundary, workspace.obstacles)
-        solid = Floor(workspace.boundary, workspace.obstacles)
-        self.gap, self.room = solid.gap, solid.distance
-        self.bends = Bends()
-
-    def with_obstacles(self, rings: Sequence[tuple[Point, ...]]) -> Site:
-        """Return the floor with further obstacles, under the same terms."""
-        floor = self.scenario.workspace
-        more = changed(floor, obstacles=floor.obstacles + tuple(rings))
-        return Site(changed(self.scenario, workspace=more), self.terms)
-
-
-@dataclass(frozen=True)
-class Wish:
-    """Where a robot is wanted: `robot` has the place where it rests as start, and its goal.
-
-    The course has this `number` and `revision`, and begins at plan time `begin_ms`.  The robot
-    faces `heading` [rad], and it rests `delay` [s] later.  `late`: how late [s] others are: the
-    robot goes ahead of them as they were planned, and behind them as late as they are.  `leaves`:
-    the course that it leaves in motion, if it is not to rest.  `holds`: what it can hold of one.
-    """
-
-    robot: Robot
-    heading: float
-    number: int
-    revision: int
-    begin_ms: int
-    delay: float = 0.0
-    late: Mapping[str, float] = field(default_factory=dict)
-    leaves: UnderWay | None = None
-    holds: Capacity = UNLIMITED
-
-    def in_motion(self) -> Wish:
-        """Return the wish of a robot that leaves its course in motion.
-
-        Raises PlanError if it cannot.
-        """
-        assert self.leaves is not None
-        robot = changed(self.robot, start=self.leaves.start())
-        return replace(self, robot=robot, begin_ms=self.leaves.begin_ms, delay=0.0)
-
-    def to(self, goal: Pose) -> Wish:
-        """Return the same wish with another goal."""
-        return replace(self, robot=changed(self.robot, goal=goal, via=()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,55 +41,10 @@ class Proposal:
     staircases: Staircases
 
 
-@dataclass(frozen=True, eq=False)
-class _Search:
-    """A wish on a site among other courses, and what all tries of paths share."""
-
-    site: Site
-    wish: Wish
-    others: Sequence[Course]
-
-    @cached_property
-    def finder(self) -> Pathfinder:
-        """The search for the robot's path from where it rests."""
-        return _finder(self.site, self.wish.robot, self.others)
-
-    @cached_property
-    def boxes(self) -> Boxes:
-        """The boxes around the other courses."""
-        return Boxes(self.others)
-
-
-@dataclass(frozen=True, eq=False)
-class _Try:
-    """A path with its earliest motion among others, the robot being 0 and near[k] k + 1.
-
-    Robots that are late are in `near` several times.
-
-    The robot may leave its start at `release` [s].
-    """
-
-    path: Nurbs
-    track: Track
-    release: float
-    motion: Motion
-    junctions: Junctions
-    near: list[Course]
-
-
-def alone(site: Site, wish: Wish) -> tuple[Nurbs, float]:
-    """Return the path with nobody else on the floor, and how long it takes [s].
-
-    Raises PlanError if there is no way even then.
-    """
-    path = _finder(site, wish.robot, ()).path(0)
-    return path, wish.delay + _turning(path, wish) + _track(site, wish.robot, path).alone
-
-
 def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     """Return the earliest course that fulfils a wish; raises PlanError where there is none."""
     robot, terms = wish.robot, site.terms
-    found = _earliest(_Search(site, wish, others))
+    found = earliest(Search(site, wish, others))
     names = [robot.id, *(one.driven.id for one in found.near)]
     plan = rounded(robot, found.path, found.motion, names)
     if wish.leaves is not None:
@@ -238,242 +90,3 @@ def among_further(
         return None
     both = joined(proposal.staircases, found, len(proposal.near))
     return replace(proposal, near=[*proposal.near, *near], staircases=both)
-
-
-def _earliest(search: _Search) -> _Try:
-    """Return the path on which the robot arrives first: the shortest, a bent one, or a detour."""
-    bends = search.wish.leaves is None and may_bend(search.wish.robot)
-    try:
-        return _bent(search) if bends else _detour(search)
-    except PlanError:
-        if not search.wish.late:
-            raise
-        return _earliest(replace(search, wish=replace(search.wish, late={})))
-
-
-def _detour(search: _Search) -> _Try:
-    """Return a try on the shortest path, or on one that avoids where the robot waits longest."""
-    best = _try(search, NO_DISCS)
-    for _ in range(_DETOURS):
-        discs = _conflict_discs(search.wish.robot, best)
-        if discs is None:
-            break
-        try:
-            other = _try(search, discs)
-        except PlanError:
-            break
-        if other.motion.finish > best.motion.finish - _WORTH:
-            break
-        best = other
-    return best
-
-
-def _bent(search: _Search) -> _Try:
-    """Return a try on the shortest path, or on one that moves aside if the robot arrives earlier.
-
-    Such a path is looked for on ever finer meshes, as long as the robot loses much.
-    """
-    site, wish = search.site, search.wish
-    path = search.finder.path(0)
-    release, track = _release(wish, path), _track(site, wish.robot, path)
-    ramp = 0.5 * site.scenario.planned_speed(wish.robot) / track.limits.ramp
-    found, error, finish = None, None, math.inf
-    try:
-        found = _motion(search, path)
-        finish = found.motion.finish
-    except PlanError as problem:
-        error = problem
-    for pitch in PITCHES:
-        if finish < release + track.alone + pitch.lost:
-            break
-        latest = finish - _WORTH
-        times = Times(release, latest, ramp, site.terms.tau)
-        aside = site.bends.path(search.finder, search.others, wish.late, times, pitch)
-        if aside is not None:
-            with suppress(PlanError):
-                found = _motion(search, aside, latest)
-                finish = found.motion.finish
-    if found is None:
-        assert error is not None
-        raise error
-    return found
-
-
-def _try(search: _Search, discs: Array) -> _Try:
-    """Return a path that avoids discs (k, 3) [m], and its earliest motion."""
-    if search.wish.leaves is not None:
-        return _motion_under_way(search, search.wish.leaves, discs)
-    return _motion(search, search.finder.path(0, discs))
-
-
-def _conflict_discs(robot: Robot, found: _Try) -> Array | None:
-    """Return discs (k, 3) [m] around the part of another course for which the robot waits longest.
-
-    None if it does not wait for long.
-    """
-    motion = found.motion
-    at_start = bool(motion.waits) and motion.waits[0].s <= 0.0
-    arrivals = [found.release, *motion.arrivals[1:]][0 if at_start else 1 :]
-    waits = [
-        (wait.depart - arrival, wait)
-        for wait, arrival in zip(motion.waits, arrivals, strict=True)
-        if wait.owner > 0 and wait.zone >= 0
-    ]
-    length, longest = max(waits, key=lambda one: one[0], default=(0.0, None))
-    if longest is None or length < _LONG:
-        return None
-    other = found.near[longest.owner - 1]
-    begin, end = found.junctions.zones.extent[longest.zone, 2:]
-    reach = robot.radius + other.driven.radius + found.junctions.margin + _LANE_ROOM
-    curve = other.driven.curve
-    low, high = max(begin - reach, 0.0), min(end + reach, curve.length)
-    count = 2 + int((high - low) / (_SPACING * reach))
-    centers = curve.at_arc(np.linspace(low, high, min(count, _MOST_DISCS)))
-    anchors = np.array([robot.start[:2], *robot.via, robot.goal[:2]])
-    apart = np.hypot(*(centers[:, None, :] - anchors).transpose(2, 0, 1)).min(axis=1)
-    beside = centers[apart > 1.15 * reach]
-    return np.column_stack((beside, np.full(len(beside), reach))) if len(beside) else None
-
-
-def _finder(site: Site, robot: Robot, others: Sequence[Course]) -> Pathfinder:
-    """Return a search for a robot's path among others that stand where they will rest."""
-    stand = tuple(
-        Robot(
-            id=one.driven.id,
-            start=one.goal,
-            goal=one.goal,
-            radius=one.driven.radius,
-            max_speed=1.0,
-            max_accel=1.0,
-            max_lateral_accel=1.0,
-        )
-        for one in others
-        if one.until == math.inf
-    )
-    scenario = Scenario(
-        name=site.scenario.name,
-        workspace=site.scenario.workspace,
-        robots=(robot, *stand),
-        margin=site.scenario.margin,
-        speed_reserve=site.scenario.speed_reserve,
-    )
-    return Pathfinder(scenario, site.floor)
-
-
-def _track(site: Site, robot: Robot, path: Nurbs) -> Track:
-    speed = site.scenario.planned_speed(robot)
-    accel = BRAKING_SHARE * robot.max_accel
-    limits = limits_on(path, speed, accel, robot.max_lateral_accel, robot.max_turn_rate)
-    return Track(limits, Course.chords_of(path))
-
-
-def _turning(path: Nurbs, wish: Wish) -> float:
-    """Return how long [s] a robot at rest takes to turn towards its path."""
-    _, ahead = path.derivatives([0.0], 1)
-    turn = math.remainder(math.atan2(ahead[0, 1], ahead[0, 0]) - wish.heading, 2.0 * math.pi)
-    return abs(turn) / wish.robot.max_turn_rate + _TURN_TIME if abs(turn) > 0.01 else 0.0
-
-
-def _release(wish: Wish, path: Nurbs) -> float:
-    """Return when [s] a robot at rest has turned towards its path."""
-    return 0.001 * wish.begin_ms + wish.delay + _turning(path, wish)
-
-
-def _motion(search: _Search, path: Nurbs, latest: float = math.inf) -> _Try:
-    """Return the earliest motion of a robot that stands at its start until it has turned.
-
-    Raises PlanError if it cannot hold the path, or does not arrive before `latest` [s].
-    """
-    wish = search.wish
-    if 0 < wish.holds.points < len(path.points):
-        raise PlanError("cannot hold its path", wish.robot.id)
-    release = _release(wish, path)
-    track = _track(search.site, wish.robot, path)
-    junctions, motions, near = _among(search, track)
-    departure = Departure(release, math.inf, 0.001 * wish.begin_ms)
-    motion = earliest_motion(
-        junctions, motions, 0, departure=departure, latest=latest, quickest=latest < math.inf
-    )
-    if motion is None:
-        raise PlanError("has no way among the others, whenever it sets out", wish.robot.id)
-    return _Try(path, track, release, motion, junctions, near)
-
-
-def _motion_under_way(search: _Search, leaves: UnderWay, discs: Array) -> _Try:
-    """Return the earliest motion of a robot that leaves its course while it drives."""
-    robot = search.wish.robot
-    path, limits, track = _leading_off(search, leaves, discs)
-    junctions, motions, near = _among(search, track)
-    modes = np.full(len(junctions.zones_of(0)), BOTH)
-    motion = rest_of_motion(junctions, motions, 0, leaves.begun(limits), modes)
-    if motion is None:
-        raise PlanError("has no way among the others without a stop", robot.id)
-    motion = leaves.without_run_up(motion, limits)
-    return _Try(path, track, 0.001 * search.wish.begin_ms, motion, junctions, near)
-
-
-def _leading_off(
-    search: _Search, leaves: UnderWay, discs: Array
-) -> tuple[Nurbs, SpeedLimits, Track]:
-    """Return the quickest path that leads off a course, of several that turn early or later."""
-    site, robot, others = search.site, search.wish.robot, search.others
-    speed, accel = site.scenario.planned_speed(robot), BRAKING_SHARE * robot.max_accel
-    found, error = [], PlanError("has no smooth way off its course", robot.id)
-    for braking, turning in leaves.leads(accel, robot.max_lateral_accel):
-        try:
-            if robot.min_turn_radius > 0.0:
-                finder = _finder(site, changed(robot, start=leaves.start(braking)), others)
-                path = leaves.joined(finder.fit(0, discs), braking)
-            else:
-                finder = _finder(site, changed(robot, start=leaves.start()[:2]), others)
-                lead = leaves.start(braking + turning)[:2]
-                path = leaves.joined(finder.fit(0, discs, lead=lead), 0.0)
-            limits = leaves.limits(path, robot, speed, accel)
-        except PlanError as problem:
-            error = problem
-            continue
-        found.append((path, limits, leaves.track(path, limits)))
-    if not found:
-        raise error
-    return min(found, key=lambda one: one[2].alone)
-
-
-def _among(search: _Search, track: Track) -> tuple[Junctions, Motions, list[Course]]:
-    """Return where a robot meets others, the motions of these, and their courses."""
-    site, wish, boxes = search.site, search.wish, search.boxes
-    robot, margin = wish.robot, site.terms.margin + NEED_PAD
-    low, high = track.chords.points.min(axis=0), track.chords.points.max(axis=0)
-    are_near = boxes.apart(low, high) < robot.radius + boxes.radii + margin + 0.01
-    among = [search.others[k] for k in np.flatnonzero(are_near).tolist()]
-    # The path itself keeps clear of robots that stand at their ends for ever.
-    among = [one for one in among if not one.has_ended or one.until < math.inf]
-    copies = [(one, delay) for one in among for delay in _delays(site, wish, one)]
-    near = [one for one, _ in copies]
-    tracks = [track, *(_known(one.driven) for one in near)]
-    radii = [robot.radius, *(one.driven.radius for one in near)]
-    tau = site.terms.tau + TAU_PAD
-    junctions = Junctions(tracks, radii, margin, tau, among=(0,), cell=_CELL)
-    motions = Motions(junctions.lengths())
-    for index, (one, delay) in enumerate(copies, start=1):
-        motions.put_legs(index, one.driven.legs + delay * _TIMES)
-    return junctions, motions, near
-
-
-def _delays(site: Site, wish: Wish, other: Course) -> list[float]:
-    """Return by how much [s] copies of a course are put off, so that nobody goes between them.
-
-    Each copy keeps others away for tau before and after it.
-    """
-    late = wish.late.get(other.driven.id, 0.0)
-    if not late:
-        return [0.0]
-    count = min(math.ceil(late / (_OVERLAP * site.terms.tau)), _MOST_COPIES)
-    return list(np.linspace(0.0, late, count + 1))
-
-
-@kept
-def _known(driven: Driven) -> Track:
-    """Return a course as a track; its motion may end beyond its curve, by rounding."""
-    chords = Course.chords_of(driven.curve)
-    length = min(driven.timeline.length, float(chords.s[-1]))
-    return Track(SpeedLimits(length, 1.0, math.inf, ()), chords)

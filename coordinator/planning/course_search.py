@@ -17,7 +17,9 @@ import shapely
 from coordinator.base.errors import PlanError
 from coordinator.curves.nurbs import Array
 from coordinator.plan.course import Course
-from coordinator.planning.course_proposal import Proposal, Site, Wish, alone, propose
+from coordinator.planning.course_proposal import Proposal, propose
+from coordinator.planning.earliest_course import alone
+from coordinator.planning.wish import Site, Wish
 from coordinator.scenario.model import Point, Pose
 
 _RING: Final = 0.5

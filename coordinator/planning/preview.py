@@ -19,8 +19,10 @@ from msgspec.structs import replace
 from coordinator.base.errors import PlanError
 from coordinator.curves.nurbs import Array
 from coordinator.plan.course import Course
-from coordinator.planning.course_proposal import Proposal, Site, Wish, alone
+from coordinator.planning.course_proposal import Proposal
 from coordinator.planning.course_search import search
+from coordinator.planning.earliest_course import alone
+from coordinator.planning.wish import Site, Wish
 from coordinator.scenario.model import Point, Pose, Robot
 
 _MOST_ROBOTS: Final = 3

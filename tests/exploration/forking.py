@@ -24,7 +24,7 @@ import numpy as np
 
 from coordinator.curves.nurbs import Nurbs
 from coordinator.mission.replanning_input import Site as Replanned
-from coordinator.planning.course_proposal import Site
+from coordinator.planning.wish import Site
 from protocol.curve import Curve
 from protocol.timeline import Timeline
 from robot_agent.core.steering import PathFollower

@@ -22,8 +22,8 @@ from coordinator.fleet.log_records import LINK_GONE, CourseRequest, search_of
 from coordinator.mission.intake import Arrival
 from coordinator.mission.mission import Mission
 from coordinator.mission.mission_driver import Job, Journal, MissionDriver, Outcome
-from coordinator.planning.course_proposal import Site
 from coordinator.planning.course_search import Answer
+from coordinator.planning.wish import Site
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import (

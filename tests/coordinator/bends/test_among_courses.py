@@ -8,9 +8,10 @@ from msgspec.structs import replace
 
 from coordinator.bends.among_courses import Bends, _samples
 from coordinator.plan.course import Course
-from coordinator.planning import course_proposal
-from coordinator.planning.course_proposal import Site, Wish, propose
+from coordinator.planning import earliest_course
+from coordinator.planning.course_proposal import propose
 from coordinator.planning.planner import plan_fleet
+from coordinator.planning.wish import Site, Wish
 from sim.floors.generator import generate
 from tests.coordinator.planning.test_course_proposal import assert_keeps_apart
 from tests.scenarios import a_robot, a_scenario
@@ -55,7 +56,7 @@ def test_a_robot_gives_way_aside_where_waiting_takes_longer(monkeypatch):
     bent = propose(site, wish, courses[1:])
     assert_keeps_apart(bent, courses[1:], site.terms.tau, site.terms.margin)
     monkeypatch.setattr(Bends, "path", lambda *_: None)
-    monkeypatch.setattr(course_proposal, "_DETOURS", 0)
+    monkeypatch.setattr(earliest_course, "_DETOURS", 0)
     waits = propose(site, wish, courses[1:])
     times = [one.course.driven.timeline.finish for one in (bent, waits)]
     assert times[0] < times[1] - 2.0
@@ -68,9 +69,9 @@ def test_between_rooms_a_robot_arrives_earlier_on_a_finer_mesh(monkeypatch, seed
     plan, others = courses_of(floor)
     del others[index]
     site, wish = Site(floor, plan.document), Wish(floor.robots[index], 0.0, 0, 1, 200)
-    pitches, times = course_proposal.PITCHES, []
+    pitches, times = earliest_course.PITCHES, []
     for used in (pitches, pitches[:1], ()):
-        monkeypatch.setattr(course_proposal, "PITCHES", used)
+        monkeypatch.setattr(earliest_course, "PITCHES", used)
         found = propose(site, wish, others)
         assert_keeps_apart(found, others, site.terms.tau, site.terms.margin)
         times.append(found.course.driven.timeline.finish)

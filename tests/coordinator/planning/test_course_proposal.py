@@ -11,15 +11,9 @@ from coordinator.base.errors import PlanError
 from coordinator.plan.capacity import Capacity
 from coordinator.plan.course import Course
 from coordinator.plan.document import Limits
-from coordinator.planning.course_proposal import (
-    Proposal,
-    Site,
-    Wish,
-    among_further,
-    proposal_of,
-    propose,
-)
+from coordinator.planning.course_proposal import Proposal, among_further, proposal_of, propose
 from coordinator.planning.planner import plan_fleet
+from coordinator.planning.wish import Site, Wish
 from coordinator.proof.course_proof import course_failures
 from coordinator.schedule.staircase_making import staircases_of
 from sim.floors.generator import generate

@@ -11,10 +11,11 @@ from msgspec.structs import replace
 from coordinator.plan.course import Course
 from coordinator.plan.document import Limits
 from coordinator.plan.wire import unpack
-from coordinator.planning.course_proposal import Site, Wish, propose
+from coordinator.planning.course_proposal import propose
 from coordinator.planning.course_search import search
 from coordinator.planning.leading_off import UnderWay
 from coordinator.planning.planner import plan_fleet
+from coordinator.planning.wish import Site, Wish
 from coordinator.proof.course_proof import course_failures
 from coordinator.proof.shared_course import shared_until
 from coordinator.scenario.margin import SAME
