@@ -17,8 +17,9 @@ from protocol.messages import REFUSED, WAITING, OrderState
 from protocol.phases import IDLE, PHASE_NAMES
 
 _LOST: Final = (
-    "Press STOP and wait until all stand before you walk in. Start its program where it stands "
-    "and admit it; or carry it away and take it out. Others keep away from where it may stand."
+    "Press STOP before you walk in. It may not hear STOP: keep away until you see it stand, and "
+    "switch it off before you touch it. Start its program where it stands and admit it; or carry "
+    "it away and take it out. Others keep away from where it may stand."
 )
 _BACK: Final = (
     "Press STOP before you walk in. Admit it if it stands where it says; "
@@ -187,9 +188,9 @@ def _trouble_of(robot: RobotState, now: float) -> Alarm | None:
         if robot.stretch:
             first, last = (f"({x:.1f}, {y:.1f})" for x, y in (robot.stretch[0], robot.stretch[-1]))
             text += (
-                f"; it stands at {last}"
+                f". It stands at {last}"
                 if first == last
-                else f"; it stands between {first} and {last}"
+                else f". It stands, or will stop, between {first} and {last}"
             )
         return Alarm(
             id=f"lost-{robot.id}", since=now - robot.age, text=text, todo=_LOST, robot=robot.id
