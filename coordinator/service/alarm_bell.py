@@ -13,7 +13,7 @@ from coordinator.desk.alarms import Alarms
 from coordinator.desk.answers import Alarm, RobotState
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.member import Member
-from protocol.phases import NO_FAULT, OVER, PHASE_NAMES, fault_name
+from protocol.phases import IDLE, NO_FAULT, OVER, PHASE_NAMES, fault_name
 from protocol.timing import SECOND
 
 _PERIOD: Final = SECOND // 2
@@ -42,6 +42,8 @@ class AlarmBell:
         for incident in fleet.incidents[self._told :]:
             if incident.order is not None:
                 self._alarms.take_order(incident.order, day_s)
+            elif incident.kind == "admitted":
+                self._alarms.admitted(incident.robot)
             elif incident.kind == "log":
                 self._alarms.log_failed(incident.text, day_s)
         self._told = len(fleet.incidents)
@@ -65,7 +67,9 @@ class AlarmBell:
 
 
 def _state_of(fleet: Fleet, member: Member, order: str, now_ns: int) -> RobotState:
-    """Return a robot as the alarms look at it."""
+    """Return a robot as the alarms look at it: one that has come back is heard, and idle."""
+    if member.has_come_back(now_ns):
+        return RobotState(id=member.id, phase=PHASE_NAMES[IDLE], age=0.0, is_heard=True)
     is_heard = not member.is_silent(now_ns)
     return RobotState(
         id=member.id,

@@ -1,5 +1,7 @@
 """A coordinator's terminal calls a person for what its desk does."""
 
+import pytest
+
 from coordinator.desk.known_fleet import KnownFleet
 from coordinator.fleet.log_records import link_record
 from coordinator.scenario.model import Order
@@ -7,7 +9,7 @@ from coordinator.service.alarm_bell import AlarmBell
 from protocol import keys
 from protocol.timing import SECOND
 from sim.floors.generator import generate
-from tests.sim.world.test_orders_in_time import a_world, replace
+from tests.sim.world.test_orders_in_time import a_world, admit, queue_of_two, replace
 
 SILENT_S, HEARD_S = 9.0, 14.0
 
@@ -42,3 +44,26 @@ def test_the_terminal_tells_the_alarms_of_the_desk_and_when_they_are_over():
         told |= {alarm.id: text for alarm, text in news}
     (lost,) = [one.text for one in shown if one.id == "lost-R1"]
     assert told == {"lost-R1": f"over: {lost}"}
+
+
+def rung(bell, world, seconds):
+    """The lines of a bell that is looked at for so long."""
+    told = []
+    for _ in range(round(10 * seconds)):
+        world.go_on(0.1)
+        news = bell.news(world.fleet, world.now_ns, world.now_ns / SECOND)
+        told += [text.partition(". ")[0] for _, text in news]
+    return told
+
+
+BACK = "R2 is back and has no course"
+
+
+@pytest.mark.parametrize(("waits_s", "over"), [(0.2, []), (3.0, [f"over: {BACK}"])])
+def test_a_robot_that_is_back_calls_a_person_until_it_is_admitted_and_not_later(waits_s, over):
+    world, bell = a_world(queue_of_two(), faults=["kill:R2@6"]), AlarmBell()
+    assert rung(bell, world, 12.0) == ["R2 is not heard"]
+    world.renew("R2", 78, world.robots["R2"].body.true_pose())
+    assert (BACK in rung(bell, world, waits_s)) == bool(over)
+    admit(world, "R2")
+    assert [text for text in rung(bell, world, 10.0) if BACK in text] == over
