@@ -106,6 +106,9 @@ class KnownFleet:
         self._left: set[str] = set()
         """Robots that were taken out; their programs may go on to speak."""
 
+        self._outside: dict[str, float] = {}
+        """Robots that were taken out while they were not heard: when [s] each was heard since."""
+
         self._command: tuple[Command, float] | None = None
         self._granting: dict[int, Command] = {}
         """By epoch: the newest Command that lets robots drive."""
@@ -139,6 +142,7 @@ class KnownFleet:
             self.blocks.pop(message.id, None)
         elif isinstance(message, Plan):
             self._left.discard(name)
+            self._outside.pop(name, None)
             self._robots.setdefault(name, None)
             self._take_plan(message)
         elif isinstance(message, Join):
@@ -160,7 +164,8 @@ class KnownFleet:
         command = self.command
         if command is None or command.phase != OVER:
             is_heard = self.is_heard(now) or command is None
-            self.alarms.look(is_heard, robots, now + self._wall_s)
+            outside = [name for name, at in self._outside.items() if now - at < _SILENCE]
+            self.alarms.look(is_heard, robots, now + self._wall_s, outside)
         states = Counter(ORDER_STATES[one.state] for one in self.orders.values())
         return FleetAnswer(
             fleet=self.fleet or "",
@@ -281,6 +286,8 @@ class KnownFleet:
 
     def _take_report(self, report: Report, robot: str, now: float) -> None:
         if robot in self._left:
+            if robot in self._outside:
+                self._outside[robot] = now
             return
         before = self._robots.get(robot)
         if report.fault != NO_FAULT and (before is None or before.report.fault != report.fault):
@@ -299,8 +306,10 @@ class KnownFleet:
         self.alarms.take_order(state, now + self._wall_s)
         is_news = before is None or before.state != state.state
         if is_news and state.state == ORDER_DONE and state.id == f"{LEAVE}{state.robot}":
+            heard = self._robots.pop(state.robot, None)
+            if heard is None or not self._hears(state.robot, heard, now):
+                self._outside[state.robot] = -math.inf
             self._left.add(state.robot)
-            self._robots.pop(state.robot, None)
             self.plans.pop(state.robot, None)
             self.alarms.forget(state.robot)
 

@@ -205,7 +205,7 @@ class Fleet(OperatedFleet):
     def _hear_report(self, robot: str, report: Report, now_ns: int) -> list[Outgoing]:
         member = self.members.get(robot)
         if member is None:
-            return []
+            return self._hear_outsider(robot, now_ns)
         if report.rest is not None and not 1 <= report.rest.epoch <= self.times.epoch:
             self.bad_messages += 1  # The place is on a path that the coordinator does not know.
             if report.boot == member.boot:
@@ -230,6 +230,12 @@ class Fleet(OperatedFleet):
         late = self.phase == GO and member.phase == IDLE
         if (late or self.phase == HOLD) and member.epoch != self.epoch:
             return self._send_plan(member, now_ns)
+        return []
+
+    def _hear_outsider(self, robot: str, now_ns: int) -> list[Outgoing]:
+        """Note that a robot is heard that was taken out unheard; it gets no answer."""
+        if robot in self.outside_ns:
+            self.outside_ns[robot] = now_ns
         return []
 
     def _note_stop(self, member: Member, now_ns: int) -> None:

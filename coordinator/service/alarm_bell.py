@@ -14,7 +14,7 @@ from coordinator.desk.answers import Alarm, RobotState
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.member import Member
 from protocol.phases import IDLE, NO_FAULT, OVER, PHASE_NAMES, fault_name
-from protocol.timing import SECOND
+from protocol.timing import REPORT_TIMEOUT, SECOND
 
 _PERIOD: Final = SECOND // 2
 """What an alarm says is told if it said the same so long [ns] before: a robot that has just fallen
@@ -54,7 +54,9 @@ class AlarmBell:
         robots = [
             _state_of(fleet, one, orders.get(one.id, ""), now_ns) for one in fleet.members.values()
         ]
-        self._alarms.look(True, robots, day_s)
+        heard = fleet.outside_ns.items()
+        outside = [name for name, at_ns in heard if at_ns and now_ns - at_ns < REPORT_TIMEOUT]
+        self._alarms.look(True, robots, day_s, outside)
         seen, self._seen = self._seen, {one.id: one for one in self._alarms.now()}
         for name, one in self._seen.items():
             is_settled = name in seen and seen[name].text == one.text

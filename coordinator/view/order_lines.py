@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from coordinator.fleet.orders import LEAVE
 from protocol.messages import ORDER_DONE, ORDER_STATES, UNDER_WAY, WAITING, OrderState
 
 LATE_MS: Final = 200
@@ -23,10 +24,11 @@ def order_line(one: OrderState, time_of: TimeOfDay) -> str:
         return f"{one.id} waits: {one.reason}" if one.reason else f"{one.id} waits"
     if one.state == UNDER_WAY:
         return f"{one.id}: {one.robot} is under way, {arrival(one, time_of)}"
-    if one.state == ORDER_DONE:
-        by = f" by {one.robot}" if one.robot else ""
-        return f"{one.id} is done{by}{lateness(one)}"
     why = f": {one.reason}" if one.reason else ""
+    if one.state == ORDER_DONE:
+        is_done_by_it = one.robot and not one.id.startswith(LEAVE)
+        by = f" by {one.robot}" if is_done_by_it else ""
+        return f"{one.id} is done{by}{lateness(one)}{why}"
     return f"{one.id} is {ORDER_STATES[one.state]}{why}"
 
 

@@ -147,6 +147,18 @@ def test_a_robot_that_was_taken_out_stays_out_though_its_program_speaks():
     assert [one.id for one in known.answer(0.1, {}).robots] == ["R2"]
 
 
+def test_a_robot_that_was_taken_out_unheard_calls_a_person_while_it_is_heard():
+    known = fleet_of(COMMAND, report("R1"), report("R2"))
+    fleet_of(command_at(2.0), report("R2"), state("leave-R1", ORDER_DONE), known=known, at=2.0)
+    assert known.answer(2.0, {}).alarms == []
+    fleet_of(report("R1", phase=MOVING), known=known, at=2.1)
+    (alarm,) = known.answer(2.1, {}).alarms
+    assert (alarm.id, alarm.robot) == ("outside-R1", "R1")
+    assert alarm.text == "R1 was taken out, but is heard: it may be on the floor"
+    fleet_of(command_at(4.0), report("R2"), known=known, at=4.0)
+    assert known.answer(4.0, {}).alarms == []
+
+
 def test_places_are_closed_and_open_again():
     block = Block(1, "wet", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
     known = fleet_of((keys.blocks(FLEET, "wet"), block))
