@@ -181,6 +181,7 @@ class LocalFleet:
         while (event := self._events.get()[1]) is not None:
             self._told.append(event)
             if event["event"] == "listening":
+                tell_now(event["text"])
                 for robot in self.scenario.robots:
                     self._robots[robot.id] = self._start_robot(robot)
             elif event["event"] == "phase" and event["phase"] == "GO":

@@ -44,6 +44,15 @@ def test_a_run_tells_why_its_fleet_does_not_go(tmp_path, capsys):
     assert re.fullmatch(r"\d\d:\d\d:\d\d gave up", second)
 
 
+def test_a_run_tells_where_its_coordinator_listens(tmp_path, capsys, monkeypatch):
+    fleet = LocalFleet(read_scenario(PAPER), tmp_path, speed=1.0, effort=0, faults=[])
+    monkeypatch.setattr(fleet, "_start_robot", lambda _: None)
+    fleet._events.put((None, {"event": "listening", "text": "listening on tcp/127.0.0.1:7"}))
+    fleet._events.put((None, None))
+    assert not fleet._follow()
+    assert capsys.readouterr().err.endswith(" listening on tcp/127.0.0.1:7\n")
+
+
 def test_the_run_of_another_fleet_is_replaced_by_force_only(tmp_path):
     RunFolder(tmp_path, "ours", force=False)
     (tmp_path / "plan.json").write_text('{"scenario": "theirs"}')
