@@ -158,8 +158,8 @@ class KnownFleet:
         """The last Command; None before the first one."""
         return None if self._command is None else self._command[0]
 
-    def answer(self, now: float, held: Mapping[str, str]) -> FleetAnswer:
-        """Return the fleet as it is known now; `held`: who is held, and by whom."""
+    def answer(self, now: float, held: Mapping[str, tuple[str, float]]) -> FleetAnswer:
+        """Return the fleet as it is known now; `held`: who is held, by whom, and since when [s]."""
         robots = self.robots(now, held)
         command = self.command
         if command is None or command.phase != OVER:
@@ -179,7 +179,9 @@ class KnownFleet:
             alarms=self.alarms.now(),
         )
 
-    def robots(self, now: float, held: Mapping[str, str] | None = None) -> list[RobotState]:
+    def robots(
+        self, now: float, held: Mapping[str, tuple[str, float]] | None = None
+    ) -> list[RobotState]:
         """Return the state of each robot; `held` as in `answer`."""
         return [self._robot(name, now, held or {}) for name in sorted(self._robots)]
 
@@ -223,7 +225,7 @@ class KnownFleet:
             None if plan is None else _end_of(plan),
         )
 
-    def _robot(self, name: str, now: float, held: Mapping[str, str]) -> RobotState:
+    def _robot(self, name: str, now: float, held: Mapping[str, tuple[str, float]]) -> RobotState:
         heard = self._robots[name]
         if heard is None:
             return RobotState(id=name)
@@ -231,6 +233,7 @@ class KnownFleet:
         mine = [one for one in self.orders.values() if one.robot == name]
         going = _under_way(mine)
         waiting = [one for one in mine if one.state not in (*ENDED, UNDER_WAY)]
+        held_by, held_since = held.get(name, ("", None))
         return RobotState(
             id=name,
             phase=PHASE_NAMES[report.phase] if report.phase < len(PHASE_NAMES) else "",
@@ -240,7 +243,8 @@ class KnownFleet:
             is_heard=is_heard,
             order=going[0].id if going else "",
             next=[one.id for one in [*going[1:], *waiting]],
-            held_by=held.get(name, ""),
+            held_by=held_by,
+            held_since=held_since,
             stretch=[] if is_heard else self._stretch(name, report),
         )
 

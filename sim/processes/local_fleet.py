@@ -202,6 +202,8 @@ class LocalFleet:
             if event is not None:
                 self._told.append(event)
                 _tell_trouble(event)
+                if event["event"] == "waiting":  # Before GO, programs that start are waited for.
+                    tell_now(event["text"])
             elif process is self._coordinator and not self._awaits_resumption():
                 break
         for strike in self._strikes:

@@ -48,10 +48,11 @@ def test_a_robot_is_what_it_reported_last_with_its_orders_and_who_holds_it():
         state("b", WAITING),
         state("c", ORDER_DONE),
     )
-    answer = known.answer(0.5, {"R1": "R2"})
+    answer = known.answer(0.5, {"R1": ("R2", 3.5)})
     (robot,) = answer.robots
     assert (robot.phase, robot.late, robot.age, robot.is_heard) == ("moving", 0.15, 0.5, True)
-    assert (robot.order, robot.next, robot.held_by) == ("a", ["b"], "R2")
+    assert (robot.order, robot.next) == ("a", ["b"])
+    assert (robot.held_by, robot.held_since) == ("R2", 3.5)
     assert (answer.phase, answer.is_heard, answer.alarms) == ("go", True, [])
     counts = {"waiting": 1, "under way": 1, "done": 1, "cancelled": 0, "refused": 0}
     assert answer.orders == counts

@@ -1,6 +1,7 @@
 """The folder of a local fleet, before anything is started."""
 
 import re
+import subprocess
 
 import pytest
 from typer.testing import CliRunner
@@ -51,6 +52,16 @@ def test_a_run_tells_where_its_coordinator_listens(tmp_path, capsys, monkeypatch
     fleet._events.put((None, None))
     assert not fleet._follow()
     assert capsys.readouterr().err.endswith(" listening on tcp/127.0.0.1:7\n")
+
+
+def test_a_run_under_way_tells_who_is_held_by_whom(tmp_path, capsys):
+    fleet = LocalFleet(read_scenario(PAPER), tmp_path, speed=1.0, effort=0, faults=[])
+    fleet._coordinator = subprocess.Popen(["true"])
+    text = "GO, waiting for R2: held by R1, which is not heard"
+    fleet._events.put((fleet._coordinator, {"event": "waiting", "text": text}))
+    fleet._events.put((fleet._coordinator, None))
+    fleet._drive_on()
+    assert capsys.readouterr().err.endswith(f" {text}\n")
 
 
 def test_the_run_of_another_fleet_is_replaced_by_force_only(tmp_path):
