@@ -48,8 +48,10 @@ from coordinator.findings.traffic_numbers import (
 from coordinator.findings.true_course import TrueCourse, courses_in
 from coordinator.fleet.log_records import (
     LINK_GONE,
+    around_robot,
     drops_of,
     is_adoption_key,
+    is_around_key,
     is_drops_key,
     request_of,
 )
@@ -271,10 +273,7 @@ class _Telling:
         traffic = self.summary.keys.setdefault(record.key, Traffic())
         traffic.messages += 1
         traffic.bytes += size
-        if is_drops_key(record.key):
-            self.summary.dropped |= drops_of(record.payload) or {}
-        if is_adoption_key(record.key):
-            self._tell_unfit(record)
+        self._take_own_record(record)
         address = keys.split(record.key)
         if address is None:
             self._count_stranger(record)
@@ -310,6 +309,15 @@ class _Telling:
         self._numbers.hear(message, robot, record)
         self._courses.hear(message, robot, record)
         self._tell(message, robot, record)
+
+    def _take_own_record(self, record: Record) -> None:
+        """Take in a record that the coordinator wrote besides the messages."""
+        if is_drops_key(record.key):
+            self.summary.dropped |= drops_of(record.payload) or {}
+        elif is_adoption_key(record.key):
+            self._tell_unfit(record)
+        elif is_around_key(record.key):
+            self._tell_stuck(record)
 
     def _tell_refused(self, kind: str, robot: str, record: Record) -> None:
         """Record a refusal that was sent to a stranger, and count the invalid messages it sent."""
@@ -380,6 +388,13 @@ class _Telling:
             elif one.robot not in self._unfit:
                 self._unfit[one.robot] = f"left where it stands: {WITHOUT[one.state]}"
                 self._tell_fault(record.log_ns, one.robot, self._unfit[one.robot], "unfit")
+
+    def _tell_stuck(self, record: Record) -> None:
+        """Record a robot that others go around although it is heard and says that it moves."""
+        robot = around_robot(record.payload) or ""
+        _, phase = self._heard.get(robot, (0, phases.IDLE))
+        if phase == phases.MOVING and robot not in self._quiet:
+            self._tell_fault(record.log_ns, robot, "did not get on", "stuck")
 
     def _tell_silence(self, log_ns: int, of_phases: Collection[int]) -> None:
         """Record which robots that were last in one of these phases have been silent for too long.
