@@ -176,6 +176,9 @@ class Coordinator:
         if not self._events:
             self._told = len(mission.fleet.incidents) - 1
         self._aside_news.news(mission)  # The log's coordinator has told these.
+        count = sum(not member.has_arrived for member in mission.fleet.members.planned)
+        under_way = "1 robot is" if count == 1 else f"{count or 'no'} robots are"
+        self._say("resumed", text=f"goes on from {resume}: {under_way} under way")
         return mission
 
     def _scenario_on(self, log: Log, resume: Path, with_scenario: bool) -> Scenario:

@@ -64,6 +64,18 @@ def test_a_run_under_way_tells_who_is_held_by_whom(tmp_path, capsys):
     assert capsys.readouterr().err.endswith(f" {text}\n")
 
 
+def test_a_run_whose_coordinator_was_killed_tells_how_to_go_on(tmp_path, capsys):
+    fleet = LocalFleet(read_scenario(PAPER), tmp_path, speed=2.0, effort=0, faults=[])
+    fleet._coordinator = subprocess.Popen(["sleep", "60"])
+    fleet._coordinator.kill()
+    fleet._events.put((fleet._coordinator, None))
+    fleet._drive_on()
+    ended, how = capsys.readouterr().err.splitlines()
+    assert ended.endswith("the coordinator has ended: robots stand where their authority ends")
+    assert f"`splinefleet coordinator {tmp_path}/scenario.json --listen=tcp/127.0.0.1:" in how
+    assert f"--resume={tmp_path}/run.mcap --log={tmp_path}/run-2.mcap --speed=2.0" in how
+
+
 def test_the_run_of_another_fleet_is_replaced_by_force_only(tmp_path):
     RunFolder(tmp_path, "ours", force=False)
     (tmp_path / "plan.json").write_text('{"scenario": "theirs"}')
