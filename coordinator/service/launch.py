@@ -130,7 +130,7 @@ class Coordinator:
                 served = with_desk(link, document, desk)
                 transport, address = stack.enter_context(served)
                 self._log_failed = transport.tell_log_failed
-                self._say("page", address=address, text=f"the page is at {address}")
+                self._say("page", address=address, text=f"the page is at {address}{self._until()}")
             recorder = self._recorder(log, document, boot, resume, log_size)
             try:
                 self._say("listening", endpoint=place.endpoint, text=str(place))
@@ -199,6 +199,11 @@ class Coordinator:
             hint = "" if others else "; --with-scenario plans the fleet anew on the new floor"
             raise InputError([_changed(resume, one) + hint for one in others or changed])
         return replace(planned, workspace=self.scenario.workspace) if changed else planned
+
+    def _until(self) -> str:
+        """Return words for how a mission that stays for orders is ended; "" for others."""
+        how = "press end mission there, or `splinefleet end --connect ...`"
+        return f"; orders are taken until the mission is ended: {how}" if self._stays else ""
 
     def _plan_again(self, scenario: Scenario, epoch: int) -> PackedPlan:
         return plan_here(scenario, self.effort, epoch)
