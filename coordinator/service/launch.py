@@ -53,6 +53,11 @@ from protocol.transport import Transport
 LOG_SIZE: Final = 64.0
 """The usual size [MB] of the files of a log that is a folder."""
 
+UNTIL: Final = (
+    "orders are taken until the mission is ended: press end mission on the page, or "
+    f"`splinefleet end {SOMEWHERE}`"
+)
+
 
 class Coordinator:
     """The coordinator of one scenario's fleet; its clock is `speed` times as fast as real time."""
@@ -130,7 +135,9 @@ class Coordinator:
                 served = with_desk(link, document, desk)
                 transport, address = stack.enter_context(served)
                 self._log_failed = transport.tell_log_failed
-                self._say("page", address=address, text=f"the page is at {address}{self._until()}")
+                self._say("page", address=address, text=f"the page is at {address}")
+                if self._stays:
+                    self._say("until", text=UNTIL)
             recorder = self._recorder(log, document, boot, resume, log_size)
             try:
                 self._say("listening", endpoint=place.endpoint, text=str(place))
@@ -199,11 +206,6 @@ class Coordinator:
             hint = "" if others else "; --with-scenario plans the fleet anew on the new floor"
             raise InputError([_changed(resume, one) + hint for one in others or changed])
         return replace(planned, workspace=self.scenario.workspace) if changed else planned
-
-    def _until(self) -> str:
-        """Return words for how a mission that stays for orders is ended; "" for others."""
-        how = "press end mission there, or `splinefleet end --connect ...`"
-        return f"; orders are taken until the mission is ended: {how}" if self._stays else ""
 
     def _plan_again(self, scenario: Scenario, epoch: int) -> PackedPlan:
         return plan_here(scenario, self.effort, epoch)

@@ -288,7 +288,7 @@ class LocalFleet:
 
 
 def _tell_trouble(event: Event) -> None:
-    if event["event"] in (*TROUBLE, "alarm", "order", "order state", "page", "resumed"):
+    if event["event"] in (*TROUBLE, "alarm", "order", "order state", "page", "resumed", "until"):
         tell_now(str(event["text"]))
 
 

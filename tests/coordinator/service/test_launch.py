@@ -118,9 +118,3 @@ def test_the_advice_to_start_a_robot_again_can_be_followed(told):
         f"start its program there (`splinefleet agent R2 --at X Y HEADING {reach}`) and "
         f"`splinefleet admit R2 {reach}`"
     ]
-
-
-@pytest.mark.parametrize("stays", [True, False])
-def test_a_coordinator_with_a_page_says_how_its_mission_is_ended_if_it_stays_for_orders(stays):
-    coordinator = Coordinator(HALL, effort=0, speed=1.0, events=False, stays=stays)
-    assert ("until the mission is ended" in coordinator._until()) == stays
