@@ -62,6 +62,7 @@ from coordinator.security.denials import denial_of, is_denial_key
 from protocol import codec, keys, phases
 from protocol.messages import (
     REFUSED,
+    Admit,
     Block,
     Cancel,
     Command,
@@ -130,6 +131,9 @@ class _Telling:
         self._heard: dict[str, tuple[int, int]] = {}
         self._quiet: set[str] = set()
         """Robots that have lost their links or fell silent, and were not heard since."""
+
+        self._asked: set[int] = set()
+        """Boot ids of operators who asked to admit a robot: that they are refused is no fault."""
 
         self._commanded_ns = self._here_ns = 0
         self._sent: list[tuple[str, int, int]] = []
@@ -346,7 +350,9 @@ class _Telling:
             told.plan_bytes = max(told.plan_bytes, size)
             told.control_points = len(message.points) // _POINT_BYTES
             self.summary.largest_plan_bytes = max(self.summary.largest_plan_bytes, size)
-        elif isinstance(message, Refusal):
+        elif isinstance(message, Admit):
+            self._asked.add(message.boot)
+        elif isinstance(message, Refusal) and message.boot not in self._asked:
             self._tell_fault(record.log_ns, robot, message.reason, "refusal")
 
     def _tell_command(self, command: Command, log_ns: int) -> None:

@@ -18,7 +18,12 @@ TimeOfDay = Callable[[int], str]
 """Returns the local time of the day at a time since the first GO [ms]."""
 
 
-def order_line(one: OrderState, time_of: TimeOfDay) -> str:
+def since_go(ms: int) -> str:
+    """Return a time since the first GO [ms] in words, for those who do not know when that was."""
+    return f"{ms / 1000.0:.1f} s after the first GO"
+
+
+def order_line(one: OrderState, time_of: TimeOfDay = since_go) -> str:
     """Return a sentence that says what has become of an order."""
     if one.state == WAITING:
         return f"{one.id} waits: {one.reason}" if one.reason else f"{one.id} waits"
@@ -37,7 +42,10 @@ def arrival(one: OrderState, time_of: TimeOfDay) -> str:
     if one.arrived_ms is not None:
         return f"at the goal since {time_of(one.arrived_ms)}"
     planned = one.planned_arrival_ms
-    return "" if planned is None else f"arrives {time_of(planned)} ({planned / 1000.0:.1f} s)"
+    if planned is None:
+        return ""
+    seconds = "" if time_of is since_go else f" ({planned / 1000.0:.1f} s)"
+    return f"arrives {time_of(planned)}{seconds}"
 
 
 def lateness(one: OrderState) -> str:

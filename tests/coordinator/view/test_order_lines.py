@@ -37,6 +37,11 @@ def test_a_line_says_who_does_an_order_and_when_or_why_nobody_does():
     assert {state: order_line(state, clock) for state in said} == said
 
 
+def test_who_does_not_know_when_the_first_go_was_is_told_times_since_then():
+    under_way = OrderState("o", UNDER_WAY, "R1", 0, 100, 9_000)
+    assert order_line(under_way) == "o: R1 is under way, arrives 9.0 s after the first GO"
+
+
 def told(world):
     """What people are told of orders, in words."""
     incidents = [one for one in world.fleet.incidents if one.kind == "order state"]
