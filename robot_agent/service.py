@@ -25,7 +25,7 @@ from protocol.messages import (
     Report,
     Rest,
 )
-from protocol.phases import DONE, FREEZE, FROZEN, GO, HOLD, IDLE, PHASE_NAMES
+from protocol.phases import BRAKING, DONE, FREEZE, FROZEN, GO, HOLD, IDLE, MOVING, PHASE_NAMES
 from protocol.plan_parts import unpack_plan
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 from protocol.transport import Transport
@@ -36,7 +36,7 @@ from robot_agent.driver import Driver, DriverError
 from robot_agent.inbox import Inbox
 from robot_agent.loop import PERIOD_NS, FixedRateLoop
 from robot_agent.steady_clock import SteadyClock
-from robot_agent.words import Lasting, phase_in_words, waits_for
+from robot_agent.words import DEAF, HEARS_AGAIN, PATIENCE_NS, Lasting, phase_in_words, waits_for
 
 _NOWHERE = (0.0, 0.0, 0.0)
 _AT_REST = (DONE, FROZEN)
@@ -186,7 +186,7 @@ class RobotService:
         self.heard_ns = self.quiet_until_ns = -(2**62)
         self._hellos = 0
         self._phase, self._arrived = HOLD, False
-        self._is_asked = False
+        self._is_asked = self._is_deaf = False
         self.robot = robot
         self._transport = transport
         self._driver = driver
@@ -230,11 +230,20 @@ class RobotService:
         return phase_in_words(self.agent, self.last_error)
 
     def waits_for(self, now_ns: int) -> str:
-        """Return in words what keeps the robot from being armed; empty when nothing does."""
+        """Return in words what keeps the robot from being armed; empty when nothing does.
+
+        Of a robot that was under way when its coordinator fell silent: that it hears nobody, and
+        then that it hears its coordinator again.
+        """
+        silent_ns = now_ns - self.heard_ns
+        heard = silent_ns < _SILENCE_NS
         if self.agent.phase != IDLE:
             self._arrived = self.agent.phase == DONE
-            return ""
-        heard = now_ns - self.heard_ns < _SILENCE_NS
+            if not heard and (self._is_deaf or self.agent.phase in (MOVING, BRAKING)):
+                self._is_deaf |= silent_ns >= _SILENCE_NS + PATIENCE_NS
+                return DEAF
+            return HEARS_AGAIN if self._is_deaf else ""
+        self._is_deaf = False
         pose = self._driver.pose()
         name, arrived = self.robot.id, self._arrived
         return waits_for(self.agent, name, self._fleet, self._phase, heard, pose, arrived)

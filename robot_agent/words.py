@@ -21,6 +21,8 @@ from robot_agent.core.agent import Agent
 from robot_agent.driver import Pose
 
 PATIENCE_NS = SECOND
+DEAF = "hears no coordinator, stops where its authority ends"
+HEARS_AGAIN = "hears its coordinator again"
 
 
 class Lasting:

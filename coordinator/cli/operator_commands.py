@@ -40,7 +40,8 @@ def admit(
 ) -> None:
     """Let a robot take part again: it gets a course from where it stands.
 
-    Use it for a robot that was restarted, or that was lost and is heard again.
+    Use it for a robot that was restarted, or that was lost and is heard again.  One that is not
+    heard is refused at once: start its program first.
 
     The exit code is 1 if the robot cannot be admitted, or gets no course within --wait.
 

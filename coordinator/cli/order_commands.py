@@ -98,7 +98,9 @@ def order(
     now: Annotated[
         bool, typer.Option("--now", help="The robot leaves what it does for this order.")
     ] = False,
-    wait: Annotated[bool, typer.Option("--wait", help="Wait until the order is over.")] = False,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Wait until the order is over; tell its states.")
+    ] = False,
     patience: Patience = 20.0,
     keys: Keys = None,
     as_json: Json = False,
@@ -135,10 +137,12 @@ def order(
 
         for message in line.messages(say, lasts=wait):
             if isinstance(message, OrderState) and message.id == name:
-                state = message
+                before, state = state, message
                 is_over = state.state in (ORDER_DONE, CANCELLED, REFUSED)
                 if is_over:
                     break
+                if wait:
+                    _tell_change(before, state)
             settled = state is not None and state.state != WAITING
             is_late = state is not None and time.monotonic() - began > _SETTLES_S
             if not wait and (settled or is_late):
@@ -151,6 +155,15 @@ def order(
     if wait and not is_over:
         tell("the coordinator has ended, or is not heard any more", "red")
         raise typer.Exit(1)
+
+
+def _tell_change(before: OrderState | None, now: OrderState) -> None:
+    """Tell what becomes of an order, but not each new estimate of its arrival."""
+    from coordinator.view.order_lines import order_line
+
+    known = None if before is None else (before.state, before.robot, before.reason)
+    if known != (now.state, now.robot, now.reason):
+        tell(order_line(now))
 
 
 class _Wanted(NamedTuple):

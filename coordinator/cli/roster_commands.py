@@ -73,7 +73,10 @@ def leave(
 ) -> None:
     """Take a robot that rests, or is lost, out of a running fleet: its place is free then.
 
-    Carry it away first.  The exit code is 1 if it is under way, or is no robot of the fleet.
+    Carry it away first: others drive where it stood at once.  If it is not heard, it may still be
+    on the floor; the command says so, and the coordinator calls if it is heard again.
+
+    The exit code is 1 if it is under way, or is no robot of the fleet.
 
     Example: splinefleet leave R3 --connect tcp/127.0.0.1:7447
     """
@@ -97,6 +100,8 @@ def _ask(line: FleetLine, answer: str, message: Join | Leave) -> None:
     if state is not None and state.state == ORDER_DONE:
         done = "has joined" if isinstance(message, Join) else "has left"
         tell(f"{message.robot} {done} {line.fleet}")
+        if state.reason:
+            tell(state.reason, "yellow")
         return
     if state is None:
         tell("no coordinator has answered", "red")

@@ -6,7 +6,7 @@ looks.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import msgspec
@@ -17,8 +17,9 @@ from protocol.messages import REFUSED, WAITING, OrderState
 from protocol.phases import IDLE, PHASE_NAMES
 
 _LOST: Final = (
-    "Press STOP and wait until all stand before you walk in. Start its program where it stands "
-    "and admit it; or carry it away and take it out. Others keep away from where it may stand."
+    "Press STOP before you walk in. It may not hear STOP: keep away until you see it stand, and "
+    "switch it off before you touch it. Start its program where it stands and admit it; or carry "
+    "it away and take it out. Others keep away from where it may stand."
 )
 _BACK: Final = (
     "Press STOP before you walk in. Admit it if it stands where it says; "
@@ -30,6 +31,11 @@ _FAULTS: Final = {
     "clock not certain": "Look at its link: the answers to its questions for the time come late.",
     "plan not acceptable": "Its limits are not the scenario's; the coordinator's output says how.",
 }
+
+_OUTSIDE: Final = (
+    "Press STOP before you walk in: nobody keeps away from it. Switch it off and carry it away; "
+    "or join it where it stands."
+)
 
 _OFTEN: Final = 3
 _LATELY: Final = 600.0
@@ -113,8 +119,12 @@ class Alarms:
         is_heard: bool,
         robots: Sequence[RobotState],
         now: float,
+        outside: Iterable[str] = (),
     ) -> None:
-        """Find out what needs a person now; while no coordinator is heard, that alone does."""
+        """Find out what needs a person now; while no coordinator is heard, that alone does.
+
+        `outside`: robots that were taken out while they were not heard, and are heard now.
+        """
         found = [] if is_heard else [_unheard(now)]
         if is_heard:
             found = [alarm for one in robots if (alarm := self._about(one, now)) is not None]
@@ -122,6 +132,7 @@ class Alarms:
             waiting = [one for one, since in self._waits.values() if now - since > _LONG]
             could = [one for one in waiting if (one.robot in idle if one.robot else idle)]
             found += [_stuck(one, now) for one in could]
+            found += [_outside(name, now) for name in outside]
         lasting = {one.id: one for one in self._now.values() if one.is_lasting}
         for one in found:
             before = self._now.get(one.id)
@@ -169,6 +180,11 @@ def _stuck(order: OrderState, now: float) -> Alarm:
     )
 
 
+def _outside(robot: str, now: float) -> Alarm:
+    text = f"{robot} was taken out, but is heard: it may be on the floor"
+    return Alarm(id=f"outside-{robot}", since=now, text=text, todo=_OUTSIDE, robot=robot)
+
+
 def _unheard(now: float) -> Alarm:
     return Alarm(
         id="coordinator",
@@ -187,9 +203,9 @@ def _trouble_of(robot: RobotState, now: float) -> Alarm | None:
         if robot.stretch:
             first, last = (f"({x:.1f}, {y:.1f})" for x, y in (robot.stretch[0], robot.stretch[-1]))
             text += (
-                f"; it stands at {last}"
+                f". It stands at {last}"
                 if first == last
-                else f"; it stands between {first} and {last}"
+                else f". It stands, or will stop, between {first} and {last}"
             )
         return Alarm(
             id=f"lost-{robot.id}", since=now - robot.age, text=text, todo=_LOST, robot=robot.id

@@ -31,7 +31,8 @@ class RobotState(msgspec.Struct, frozen=True, kw_only=True):
 
     phase: "" before its first report.  late [s].  age [s]: how long ago it was heard; null if
     never.  order: the one that it does.  next: those that wait for it by name.  held_by: the robot
-    behind which it has to slow down or stand.  stretch: of a robot that is not heard, where it may
+    behind which it has to slow down or stand, held_since [s] since when after the first GO; null if
+    nobody holds it.  stretch: of a robot that is not heard, where it may
     stand: points [m] of its course, from where it was heard last to where its authority ends.
     """
 
@@ -44,6 +45,7 @@ class RobotState(msgspec.Struct, frozen=True, kw_only=True):
     order: str = ""
     next: list[str] = []
     held_by: str = ""
+    held_since: float | None = None
     stretch: list[tuple[float, float]] = []
 
     @property

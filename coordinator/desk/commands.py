@@ -195,7 +195,7 @@ class Commands:
         state = await self._asked_order(message, f"{LEAVE}{robot}")
         if state.state != ORDER_DONE:
             raise Refused(409, state.reason)
-        return Told(robot, f"{robot} has left")
+        return Told(robot, f"{robot} has left" + (f". {state.reason}" if state.reason else ""))
 
     def blocks(self) -> list[Place]:
         """Return the places that are closed."""

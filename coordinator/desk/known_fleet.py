@@ -106,6 +106,9 @@ class KnownFleet:
         self._left: set[str] = set()
         """Robots that were taken out; their programs may go on to speak."""
 
+        self._outside: dict[str, float] = {}
+        """Robots that were taken out while they were not heard: when [s] each was heard since."""
+
         self._command: tuple[Command, float] | None = None
         self._granting: dict[int, Command] = {}
         """By epoch: the newest Command that lets robots drive."""
@@ -139,6 +142,7 @@ class KnownFleet:
             self.blocks.pop(message.id, None)
         elif isinstance(message, Plan):
             self._left.discard(name)
+            self._outside.pop(name, None)
             self._robots.setdefault(name, None)
             self._take_plan(message)
         elif isinstance(message, Join):
@@ -154,13 +158,14 @@ class KnownFleet:
         """The last Command; None before the first one."""
         return None if self._command is None else self._command[0]
 
-    def answer(self, now: float, held: Mapping[str, str]) -> FleetAnswer:
-        """Return the fleet as it is known now; `held`: who is held, and by whom."""
+    def answer(self, now: float, held: Mapping[str, tuple[str, float]]) -> FleetAnswer:
+        """Return the fleet as it is known now; `held`: who is held, by whom, and since when [s]."""
         robots = self.robots(now, held)
         command = self.command
         if command is None or command.phase != OVER:
             is_heard = self.is_heard(now) or command is None
-            self.alarms.look(is_heard, robots, now + self._wall_s)
+            outside = [name for name, at in self._outside.items() if now - at < _SILENCE]
+            self.alarms.look(is_heard, robots, now + self._wall_s, outside)
         states = Counter(ORDER_STATES[one.state] for one in self.orders.values())
         return FleetAnswer(
             fleet=self.fleet or "",
@@ -174,7 +179,9 @@ class KnownFleet:
             alarms=self.alarms.now(),
         )
 
-    def robots(self, now: float, held: Mapping[str, str] | None = None) -> list[RobotState]:
+    def robots(
+        self, now: float, held: Mapping[str, tuple[str, float]] | None = None
+    ) -> list[RobotState]:
         """Return the state of each robot; `held` as in `answer`."""
         return [self._robot(name, now, held or {}) for name in sorted(self._robots)]
 
@@ -218,7 +225,7 @@ class KnownFleet:
             None if plan is None else _end_of(plan),
         )
 
-    def _robot(self, name: str, now: float, held: Mapping[str, str]) -> RobotState:
+    def _robot(self, name: str, now: float, held: Mapping[str, tuple[str, float]]) -> RobotState:
         heard = self._robots[name]
         if heard is None:
             return RobotState(id=name)
@@ -226,6 +233,7 @@ class KnownFleet:
         mine = [one for one in self.orders.values() if one.robot == name]
         going = _under_way(mine)
         waiting = [one for one in mine if one.state not in (*ENDED, UNDER_WAY)]
+        held_by, held_since = held.get(name, ("", None))
         return RobotState(
             id=name,
             phase=PHASE_NAMES[report.phase] if report.phase < len(PHASE_NAMES) else "",
@@ -235,7 +243,8 @@ class KnownFleet:
             is_heard=is_heard,
             order=going[0].id if going else "",
             next=[one.id for one in [*going[1:], *waiting]],
-            held_by=held.get(name, ""),
+            held_by=held_by,
+            held_since=held_since,
             stretch=[] if is_heard else self._stretch(name, report),
         )
 
@@ -281,6 +290,8 @@ class KnownFleet:
 
     def _take_report(self, report: Report, robot: str, now: float) -> None:
         if robot in self._left:
+            if robot in self._outside:
+                self._outside[robot] = now
             return
         before = self._robots.get(robot)
         if report.fault != NO_FAULT and (before is None or before.report.fault != report.fault):
@@ -299,8 +310,10 @@ class KnownFleet:
         self.alarms.take_order(state, now + self._wall_s)
         is_news = before is None or before.state != state.state
         if is_news and state.state == ORDER_DONE and state.id == f"{LEAVE}{state.robot}":
+            heard = self._robots.pop(state.robot, None)
+            if heard is None or not self._hears(state.robot, heard, now):
+                self._outside[state.robot] = -math.inf
             self._left.add(state.robot)
-            self._robots.pop(state.robot, None)
             self.plans.pop(state.robot, None)
             self.alarms.forget(state.robot)
 

@@ -48,8 +48,10 @@ from coordinator.findings.traffic_numbers import (
 from coordinator.findings.true_course import TrueCourse, courses_in
 from coordinator.fleet.log_records import (
     LINK_GONE,
+    around_robot,
     drops_of,
     is_adoption_key,
+    is_around_key,
     is_drops_key,
     request_of,
 )
@@ -60,6 +62,7 @@ from coordinator.security.denials import denial_of, is_denial_key
 from protocol import codec, keys, phases
 from protocol.messages import (
     REFUSED,
+    Admit,
     Block,
     Cancel,
     Command,
@@ -128,6 +131,9 @@ class _Telling:
         self._heard: dict[str, tuple[int, int]] = {}
         self._quiet: set[str] = set()
         """Robots that have lost their links or fell silent, and were not heard since."""
+
+        self._asked: set[int] = set()
+        """Boot ids of operators who asked to admit a robot: that they are refused is no fault."""
 
         self._commanded_ns = self._here_ns = 0
         self._sent: list[tuple[str, int, int]] = []
@@ -271,10 +277,7 @@ class _Telling:
         traffic = self.summary.keys.setdefault(record.key, Traffic())
         traffic.messages += 1
         traffic.bytes += size
-        if is_drops_key(record.key):
-            self.summary.dropped |= drops_of(record.payload) or {}
-        if is_adoption_key(record.key):
-            self._tell_unfit(record)
+        self._take_own_record(record)
         address = keys.split(record.key)
         if address is None:
             self._count_stranger(record)
@@ -311,6 +314,15 @@ class _Telling:
         self._courses.hear(message, robot, record)
         self._tell(message, robot, record)
 
+    def _take_own_record(self, record: Record) -> None:
+        """Take in a record that the coordinator wrote besides the messages."""
+        if is_drops_key(record.key):
+            self.summary.dropped |= drops_of(record.payload) or {}
+        elif is_adoption_key(record.key):
+            self._tell_unfit(record)
+        elif is_around_key(record.key):
+            self._tell_stuck(record)
+
     def _tell_refused(self, kind: str, robot: str, record: Record) -> None:
         """Record a refusal that was sent to a stranger, and count the invalid messages it sent."""
         message = codec.decode(kind, record.payload)
@@ -338,7 +350,9 @@ class _Telling:
             told.plan_bytes = max(told.plan_bytes, size)
             told.control_points = len(message.points) // _POINT_BYTES
             self.summary.largest_plan_bytes = max(self.summary.largest_plan_bytes, size)
-        elif isinstance(message, Refusal):
+        elif isinstance(message, Admit):
+            self._asked.add(message.boot)
+        elif isinstance(message, Refusal) and message.boot not in self._asked:
             self._tell_fault(record.log_ns, robot, message.reason, "refusal")
 
     def _tell_command(self, command: Command, log_ns: int) -> None:
@@ -380,6 +394,13 @@ class _Telling:
             elif one.robot not in self._unfit:
                 self._unfit[one.robot] = f"left where it stands: {WITHOUT[one.state]}"
                 self._tell_fault(record.log_ns, one.robot, self._unfit[one.robot], "unfit")
+
+    def _tell_stuck(self, record: Record) -> None:
+        """Record a robot that others go around although it is heard and says that it moves."""
+        robot = around_robot(record.payload) or ""
+        _, phase = self._heard.get(robot, (0, phases.IDLE))
+        if phase == phases.MOVING and robot not in self._quiet:
+            self._tell_fault(record.log_ns, robot, "did not get on", "stuck")
 
     def _tell_silence(self, log_ns: int, of_phases: Collection[int]) -> None:
         """Record which robots that were last in one of these phases have been silent for too long.

@@ -100,8 +100,8 @@ class Door:
         """Admit a robot whose process is the accepted one; return the same as `admit`."""
         robot, admission = member.id, member.admission
         if not is_heard:
-            self._tell_denied(robot, f"{robot} has not come back", now_ns)
-            return False
+            why = f"{robot} has not come back: start its program first"
+            return self._deny(robot, boot, why, now_ns)
         if boot in admission.asked_by or (not member.planned and admission.join(boot)):
             return False  # An earlier request is being carried out.
         if member.planned and not member.is_fit:

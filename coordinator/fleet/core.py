@@ -205,7 +205,7 @@ class Fleet(OperatedFleet):
     def _hear_report(self, robot: str, report: Report, now_ns: int) -> list[Outgoing]:
         member = self.members.get(robot)
         if member is None:
-            return []
+            return self._hear_outsider(robot, now_ns)
         if report.rest is not None and not 1 <= report.rest.epoch <= self.times.epoch:
             self.bad_messages += 1  # The place is on a path that the coordinator does not know.
             if report.boot == member.boot:
@@ -230,6 +230,12 @@ class Fleet(OperatedFleet):
         late = self.phase == GO and member.phase == IDLE
         if (late or self.phase == HOLD) and member.epoch != self.epoch:
             return self._send_plan(member, now_ns)
+        return []
+
+    def _hear_outsider(self, robot: str, now_ns: int) -> list[Outgoing]:
+        """Note that a robot is heard that was taken out unheard; it gets no answer."""
+        if robot in self.outside_ns:
+            self.outside_ns[robot] = now_ns
         return []
 
     def _note_stop(self, member: Member, now_ns: int) -> None:
@@ -351,8 +357,18 @@ class Fleet(OperatedFleet):
             for member in failing:
                 if not member.lost:
                     member.strike(self.epoch)
-                    self._tell(now_ns, "fault", member.id, f"{member.id} does not get on")
+                    self._tell(now_ns, "fault", member.id, self._stuck_in_words(member.id))
                 self.go_around(member, now_ns)
+
+    def _stuck_in_words(self, robot: str) -> str:
+        """Return words that say where a robot does not get on, and what to do."""
+        mine, near = self.grants.of(robot), ""
+        if mine is not None and mine.now.course is not None:
+            driven, passed_s = mine.now.course.driven, 0.001 * self.spans(robot)[0].since_ms
+            x, y = driven.curve.at_arc([driven.timeline.s_at(passed_s)])[0]
+            near = f" near ({x:.1f}, {y:.1f})"
+        what = "its wheels may be stuck. Press STOP before you free it; it goes on by itself"
+        return f"{robot} does not get on{near}: {what}"
 
     def _failing(self, moving: list[Member], now_ns: int) -> list[Member]:
         """Return the robots that are lost and hold others, or that do not get on.

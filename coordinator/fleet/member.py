@@ -274,6 +274,12 @@ class Member:
         """Return whether the robot is lost because nothing is heard from it."""
         return self.lost and self.is_silent(now_ns)
 
+    def has_come_back(self, now_ns: int) -> bool:
+        """Return whether another process of the robot is heard that was not accepted yet."""
+        hello = self.admission.hello
+        is_other = hello is not None and hello.boot != self.boot
+        return is_other and self.admission.is_at_door(self.timeout_ns, now_ns)
+
     def is_armed(self, epoch: int, now_ns: int) -> bool:
         """Return whether the robot is armed with this epoch's plan, and is heard."""
         is_heard = not self.gone and now_ns - self.heard_ns <= self.timeout_ns

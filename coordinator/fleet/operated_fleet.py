@@ -75,7 +75,7 @@ class OperatedFleet(FleetState):
         if isinstance(message, Cancel):
             if known is not None and known.joins is not None and not known.is_over:
                 self.orders.end(known, CANCELLED)
-                self._take_out(known.robot, now_ns)
+                self._take_out(known.robot, now_ns, message)
             elif self.orders.cancel(message.id, now_ms) is None:
                 return [self._refusal(message.id, f"there is no order {message.id}")]
         elif known is None and message.id.startswith(OWN):
@@ -111,6 +111,7 @@ class OperatedFleet(FleetState):
                 self.orders.end(task, REFUSED, f"{join.robot} {why}")
             else:
                 self.orders.tasks.pop(f"{LEAVE}{join.robot}", None)  # Nothing may say so again.
+                self.outside_ns.pop(join.robot, None)
                 task.joins = robot
                 self.members[join.robot] = Member(
                     id=join.robot,
@@ -147,16 +148,20 @@ class OperatedFleet(FleetState):
             if is_busy and not (member.lost or member.is_new or not member.planned):
                 self.orders.end(task, REFUSED, f"{leave.robot} does not rest")
             else:
-                self.orders.end(task, ORDER_DONE)
-                self._take_out(leave.robot, now_ns)
+                why = ""
+                if member.is_silent(now_ns) and not member.has_come_back(now_ns):
+                    why = f"{leave.robot} was not heard: others drive where it may still stand"
+                    self.outside_ns[leave.robot] = 0
+                self.orders.end(task, ORDER_DONE, why)
+                self._take_out(leave.robot, now_ns, leave)
         return [self._order_state(task.message()), *self.order_states()]
 
-    def _take_out(self, robot: str, now_ns: int) -> None:
+    def _take_out(self, robot: str, now_ns: int, by: Leave | Cancel) -> None:
         """Take a robot out of the fleet; its orders are refused."""
         self.orders.forget(robot)
         self.grants.remove(robot)
         del self.members[robot]
-        self._tell(now_ns, "order", robot, f"{robot} has left the fleet")
+        self._tell(now_ns, "order", robot, f"{robot} was taken out{_by(by)}")
 
     def _hear_block(self, message: Block | Unblock, now_ns: int) -> list[Outgoing]:
         """Close a place of the floor, or open it; the answer is the place, if it is closed."""
@@ -184,6 +189,6 @@ class OperatedFleet(FleetState):
         return turned(now_ns, message.by)
 
 
-def _by(message: Tell | Block | Unblock | Join) -> str:
+def _by(message: Tell | Block | Unblock | Join | Leave | Cancel) -> str:
     """Return in words who sent a message, as far as it says."""
     return f", by {message.by}" if message.by else ""

@@ -59,7 +59,7 @@ _KEPT: Final = (
 """The numbers of a fleet's state."""
 
 
-class PlainFleet(msgspec.Struct, frozen=True):
+class PlainFleet(msgspec.Struct, frozen=True, omit_defaults=True):
     """A fleet core as plain data, for a checkpoint; `numbers` are those of _KEPT."""
 
     name: str
@@ -71,6 +71,7 @@ class PlainFleet(msgspec.Struct, frozen=True):
     router_up: bool | None
     blocks: list[Block]
     numbers: dict[str, int | bool | None]
+    outside_ns: dict[str, int] = {}
 
 
 class FleetState:
@@ -114,6 +115,9 @@ class FleetState:
         self.blocks: dict[str, Block] = {}
         """The places that operators have closed."""
 
+        self.outside_ns: dict[str, int] = {}
+        """Robots that were taken out unheard: when each was heard since [ns], 0 if it was not."""
+
         self.is_ending = False
         """Whether an operator has told the fleet to end when all rest."""
 
@@ -129,6 +133,7 @@ class FleetState:
             self._router.plain(),
             list(self.blocks.values()),
             {name: getattr(self, name) for name in _KEPT},
+            dict(self.outside_ns),
         )
 
     @classmethod
@@ -145,6 +150,7 @@ class FleetState:
         if told.router_up is not None:
             made._router.take(told.router_up)
         made.blocks = {block.id: block for block in told.blocks}
+        made.outside_ns = dict(told.outside_ns)
         made._told_orders = {
             one.id: one.state for one in told.orders.said.values() if one.state or one.reason
         }

@@ -13,8 +13,8 @@ from coordinator.desk.alarms import Alarms
 from coordinator.desk.answers import Alarm, RobotState
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.member import Member
-from protocol.phases import NO_FAULT, OVER, PHASE_NAMES, fault_name
-from protocol.timing import SECOND
+from protocol.phases import IDLE, NO_FAULT, OVER, PHASE_NAMES, fault_name
+from protocol.timing import REPORT_TIMEOUT, SECOND
 
 _PERIOD: Final = SECOND // 2
 """What an alarm says is told if it said the same so long [ns] before: a robot that has just fallen
@@ -42,6 +42,8 @@ class AlarmBell:
         for incident in fleet.incidents[self._told :]:
             if incident.order is not None:
                 self._alarms.take_order(incident.order, day_s)
+            elif incident.kind == "admitted":
+                self._alarms.admitted(incident.robot)
             elif incident.kind == "log":
                 self._alarms.log_failed(incident.text, day_s)
         self._told = len(fleet.incidents)
@@ -52,7 +54,9 @@ class AlarmBell:
         robots = [
             _state_of(fleet, one, orders.get(one.id, ""), now_ns) for one in fleet.members.values()
         ]
-        self._alarms.look(True, robots, day_s)
+        heard = fleet.outside_ns.items()
+        outside = [name for name, at_ns in heard if at_ns and now_ns - at_ns < REPORT_TIMEOUT]
+        self._alarms.look(True, robots, day_s, outside)
         seen, self._seen = self._seen, {one.id: one for one in self._alarms.now()}
         for name, one in self._seen.items():
             is_settled = name in seen and seen[name].text == one.text
@@ -65,7 +69,9 @@ class AlarmBell:
 
 
 def _state_of(fleet: Fleet, member: Member, order: str, now_ns: int) -> RobotState:
-    """Return a robot as the alarms look at it."""
+    """Return a robot as the alarms look at it: one that has come back is heard, and idle."""
+    if member.has_come_back(now_ns):
+        return RobotState(id=member.id, phase=PHASE_NAMES[IDLE], age=0.0, is_heard=True)
     is_heard = not member.is_silent(now_ns)
     return RobotState(
         id=member.id,

@@ -40,7 +40,7 @@ from coordinator.security.link_admission import Gate
 from coordinator.service.alarm_bell import AlarmBell
 from coordinator.service.coordinator_service import Service
 from coordinator.service.desk_process import DeskPlace, with_desk
-from coordinator.service.meeting_place import MeetingPlace
+from coordinator.service.meeting_place import SOMEWHERE, MeetingPlace
 from coordinator.service.planning import check_is_driven, plan_here
 from coordinator.service.replay import go_on, scenario_of
 from coordinator.view.live_table import FleetTable
@@ -52,6 +52,11 @@ from protocol.transport import Transport
 
 LOG_SIZE: Final = 64.0
 """The usual size [MB] of the files of a log that is a folder."""
+
+UNTIL: Final = (
+    "orders are taken until the mission is ended: press end mission on the page, or "
+    f"`splinefleet end {SOMEWHERE}`"
+)
 
 
 class Coordinator:
@@ -68,9 +73,10 @@ class Coordinator:
         self._told = 0
         self._log_failed: Callable[[str], None] = lambda _: None
         self._roll_call = RollCall()
-        self._aside_news = AsideNews()
+        self._aside_news = AsideNews(speed)
         self._before, self._began_ns = b"", 0
         self._gate: Gate | None = None
+        self._reach = SOMEWHERE
 
     def clock(self) -> int:
         """Return the coordinator's time [ns]: the host's clock times `speed`."""
@@ -112,6 +118,7 @@ class Coordinator:
             self._gate = Gate(keys, self.scenario.name, robots)
             for warning in self._gate.warnings:
                 self._say("warning", text=warning)
+        self._reach = place.options(keys)
         boot = int.from_bytes(os.urandom(4), "little")
         if resume is None:
             mission = self._begin(boot, plan_file)
@@ -129,6 +136,8 @@ class Coordinator:
                 transport, address = stack.enter_context(served)
                 self._log_failed = transport.tell_log_failed
                 self._say("page", address=address, text=f"the page is at {address}")
+                if self._stays:
+                    self._say("until", text=UNTIL)
             recorder = self._recorder(log, document, boot, resume, log_size)
             try:
                 self._say("listening", endpoint=place.endpoint, text=str(place))
@@ -174,6 +183,9 @@ class Coordinator:
         if not self._events:
             self._told = len(mission.fleet.incidents) - 1
         self._aside_news.news(mission)  # The log's coordinator has told these.
+        count = sum(not member.has_arrived for member in mission.fleet.members.planned)
+        under_way = "1 robot is" if count == 1 else f"{count or 'no'} robots are"
+        self._say("resumed", text=f"goes on from {resume}: {under_way} under way")
         return mission
 
     def _scenario_on(self, log: Log, resume: Path, with_scenario: bool) -> Scenario:
@@ -303,13 +315,15 @@ class Coordinator:
         for robot, text in self._aside_news.news(mission):
             self._say("aside", robot=robot, text=text)
 
-    def _say(self, event: str, **facts: object) -> None:
+    def _say(self, event: str, *, text: str, **facts: object) -> None:
+        """Tell an event; the commands that its text names get the options that reach this fleet."""
+        text = text.replace(SOMEWHERE, self._reach)
         if self._events:
-            answer_json({"event": event, **facts})
+            answer_json({"event": event, "text": text, **facts})
         elif event == "listening":
-            tell_now(f"{self.scenario.name}: {facts['text']}")
+            tell_now(f"{self.scenario.name}: {text}")
         elif event != "report":
-            tell_now(str(facts["text"]))
+            tell_now(text)
 
     def _summarise(self, fleet: Fleet, arrived: bool, dropped: Mapping[str, int]) -> None:
         """Report how every robot ended; times count from the first GO."""

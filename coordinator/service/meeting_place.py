@@ -7,12 +7,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from coordinator.base.errors import InputError
 from coordinator.security.link_admission import Gate
 from coordinator.service.key_option import where_to_listen
 from protocol.endpoint import endpoint_of
 from protocol.zenoh_transport import ZenohTransport
+
+SOMEWHERE: Final = "--connect ..."
+"""The option of commands in texts that do not know where a fleet is reached."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,13 @@ class MeetingPlace:
             keys = None if gate is None else gate.files
             return ZenohTransport.connect(self.endpoint, whom="router", keys=keys)
         return ZenohTransport.listen(self.endpoint) if gate is None else gate.listen(self.endpoint)
+
+    def options(self, keys: Path | None) -> str:
+        """Return the options by which other programs connect, in words; "..." for what varies."""
+        host = endpoint_of(self.endpoint, locked=keys is not None).host
+        if host in ("0.0.0.0", "::"):  # Others connect to an address of this machine.
+            return SOMEWHERE
+        return f"--connect {self.endpoint}" + ("" if keys is None else f" --keys {keys}")
 
     def __str__(self) -> str:
         """Return how the coordinator is reached, in words."""

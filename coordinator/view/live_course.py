@@ -176,9 +176,13 @@ class LiveCourse:
         at, phase = self._word
         return LastWord(round(max(now - at, 0.0), 3), self._headroom, phase == OVER)
 
-    def held_now(self) -> dict[str, str]:
-        """Return which robots are held now, and by whom."""
-        return {hold.robot: hold.by for hold in self._holds.now}
+    def held_now(self) -> dict[str, tuple[str, float]]:
+        """Return which robots are held now, by whom, and since when [s] after the first GO."""
+        zero_ns = min(self._course.starts.values(), default=0)
+        return {
+            hold.robot: (hold.by, round((hold.since_ns - zero_ns) / SECOND, 3))
+            for hold in self._holds.now
+        }
 
     def late(self) -> LateRides | None:
         """Return how far late robots have come in the newest epoch; None if all were on time."""

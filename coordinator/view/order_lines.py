@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from coordinator.fleet.orders import LEAVE
 from protocol.messages import ORDER_DONE, ORDER_STATES, UNDER_WAY, WAITING, OrderState
 
 LATE_MS: Final = 200
@@ -17,16 +18,22 @@ TimeOfDay = Callable[[int], str]
 """Returns the local time of the day at a time since the first GO [ms]."""
 
 
-def order_line(one: OrderState, time_of: TimeOfDay) -> str:
+def since_go(ms: int) -> str:
+    """Return a time since the first GO [ms] in words, for those who do not know when that was."""
+    return f"{ms / 1000.0:.1f} s after the first GO"
+
+
+def order_line(one: OrderState, time_of: TimeOfDay = since_go) -> str:
     """Return a sentence that says what has become of an order."""
     if one.state == WAITING:
         return f"{one.id} waits: {one.reason}" if one.reason else f"{one.id} waits"
     if one.state == UNDER_WAY:
         return f"{one.id}: {one.robot} is under way, {arrival(one, time_of)}"
-    if one.state == ORDER_DONE:
-        by = f" by {one.robot}" if one.robot else ""
-        return f"{one.id} is done{by}{lateness(one)}"
     why = f": {one.reason}" if one.reason else ""
+    if one.state == ORDER_DONE:
+        is_done_by_it = one.robot and not one.id.startswith(LEAVE)
+        by = f" by {one.robot}" if is_done_by_it else ""
+        return f"{one.id} is done{by}{lateness(one)}{why}"
     return f"{one.id} is {ORDER_STATES[one.state]}{why}"
 
 
@@ -35,7 +42,10 @@ def arrival(one: OrderState, time_of: TimeOfDay) -> str:
     if one.arrived_ms is not None:
         return f"at the goal since {time_of(one.arrived_ms)}"
     planned = one.planned_arrival_ms
-    return "" if planned is None else f"arrives {time_of(planned)} ({planned / 1000.0:.1f} s)"
+    if planned is None:
+        return ""
+    seconds = "" if time_of is since_go else f" ({planned / 1000.0:.1f} s)"
+    return f"arrives {time_of(planned)}{seconds}"
 
 
 def lateness(one: OrderState) -> str:

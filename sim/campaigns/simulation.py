@@ -105,6 +105,7 @@ def _run_before_people(
     """Run a world that a desk looks at; return whether the fleet reached OVER."""
     with with_desk(network.session(DESK), document, place) as (link, address):
         tell_now(f"the page is at {address}")
+        tell_now("orders are taken until the mission is ended: press end mission on the page")
         window = DeskWindow(world, link, speed)
 
         def watch() -> None:

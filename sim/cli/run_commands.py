@@ -144,6 +144,8 @@ def run(
 ) -> None:
     """Run a fleet: one coordinator and one process per robot, on this machine.
 
+    With --page it takes orders until the mission is ended, on the page or by `splinefleet end`.
+
     Example: splinefleet run examples/paper_five.toml --fault kill:R3@8
     """
     from coordinator.scenario_files.scenario_reader import read_scenario

@@ -181,6 +181,7 @@ class LocalFleet:
         while (event := self._events.get()[1]) is not None:
             self._told.append(event)
             if event["event"] == "listening":
+                tell_now(event["text"])
                 for robot in self.scenario.robots:
                     self._robots[robot.id] = self._start_robot(robot)
             elif event["event"] == "phase" and event["phase"] == "GO":
@@ -201,7 +202,10 @@ class LocalFleet:
             if event is not None:
                 self._told.append(event)
                 _tell_trouble(event)
+                if event["event"] == "waiting":  # Before GO, programs that start are waited for.
+                    tell_now(event["text"])
             elif process is self._coordinator and not self._awaits_resumption():
+                self._tell_if_killed()
                 break
         for strike in self._strikes:
             if strike.first:
@@ -211,6 +215,17 @@ class LocalFleet:
         """Return whether the coordinator was killed and another is to follow."""
         killed = self._coordinator.wait() == -signal.SIGKILL
         return killed and any(strike.act == "resume" for strike in self._strikes)
+
+    def _tell_if_killed(self) -> None:
+        """Tell what a coordinator that was killed leaves behind, and how to go on."""
+        if self._coordinator.wait() != -signal.SIGKILL:
+            return
+        tell_now("the coordinator has ended: robots stand where their authority ends")
+        log, later = self._logs[-1], self.folder / f"run-{len(self._logs) + 1}.mcap"
+        command = self._programs.coordinator_for_people(
+            self._meet, f"--resume={log}", f"--log={later}", *self._desk
+        )
+        tell_now(f"to go on: `{command}`; start the robots again where they stand, and admit them")
 
     def _next_strike_s(self) -> float | None:
         """Return the real seconds until the next strike, None when none is left."""
@@ -273,7 +288,7 @@ class LocalFleet:
 
 
 def _tell_trouble(event: Event) -> None:
-    if event["event"] in (*TROUBLE, "alarm", "order", "order state", "page"):
+    if event["event"] in (*TROUBLE, "alarm", "order", "order state", "page", "resumed", "until"):
         tell_now(str(event["text"]))
 
 

@@ -5,6 +5,7 @@ Decides: which options they are started with.  Must not know: processes, when th
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -54,15 +55,15 @@ class Programs:
 
         One of the options must state where it listens or connects.
         """
-        return [
-            *_COMMAND,
-            "coordinator",
-            str(self._folder / "scenario.json"),
-            *options,
-            *self._both,
-            f"--effort={self._effort}",
-            "--json",
-        ]
+        return [*_COMMAND, *self._coordinator(*options), "--json"]
+
+    def coordinator_for_people(self, *options: str) -> str:
+        """Return the same command as a person types it: it prints lines, not JSON."""
+        return shlex.join(["splinefleet", *self._coordinator(*options)])
+
+    def _coordinator(self, *options: str) -> list[str]:
+        scenario, effort = self._folder / "scenario.json", f"--effort={self._effort}"
+        return ["coordinator", str(scenario), *options, *self._both, effort]
 
     def agent(self, robot: Robot, endpoint: str, faulty: bool) -> list[str]:
         """Return the command of a robot that reaches its coordinator at an endpoint."""

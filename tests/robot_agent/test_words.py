@@ -5,9 +5,27 @@ import pytest
 from protocol import keys
 from protocol.codec import encode
 from protocol.messages import Command
-from protocol.phases import ARMED, BAD_PLAN, CLOCK_UNSURE, DONE, DRIVER_ERROR, FROZEN, GO, HOLD
+from protocol.phases import (
+    ARMED,
+    BAD_PLAN,
+    CLOCK_UNSURE,
+    DONE,
+    DRIVER_ERROR,
+    FROZEN,
+    GO,
+    HOLD,
+    MOVING,
+)
+from protocol.timing import SECOND
 from robot_agent.core.agent import Agent
-from robot_agent.words import PATIENCE_NS, Lasting, phase_in_words, waits_for
+from robot_agent.words import (
+    DEAF,
+    HEARS_AGAIN,
+    PATIENCE_NS,
+    Lasting,
+    phase_in_words,
+    waits_for,
+)
 from tests.robot_agent.core.rides import COORDINATOR, ME, MS, TERM
 from tests.robot_agent.test_service import FLEET, Hall, raise_interrupt
 
@@ -110,6 +128,21 @@ def test_a_robot_whose_coordinator_is_silent_tells_so():
     hall.silent, hall.plans = True, []
     (line,) = told_until(hall)
     assert line.endswith(": hears no coordinator of fleet hall")
+
+
+def test_a_robot_under_way_tells_once_that_it_hears_nobody_and_once_that_it_hears_somebody_again():
+    hall = Hall()
+
+    def fall_silent():
+        said, until = hall.command, hall.clock() + 5 * SECOND // 2
+        hall.command = lambda: said() if hall.clock() >= until else None
+
+    hall.headroom_ms = 300
+    hall.reactions[MOVING] = fall_silent
+    told = told_until(hall, 10.0)
+    told = [line.removeprefix(f"{ME}: ") for line in told]
+    assert told.count(DEAF) == told.count(HEARS_AGAIN) == 1
+    assert told.index("moving") < told.index(DEAF) < told.index(HEARS_AGAIN)
 
 
 def test_a_robot_that_arms_at_once_tells_its_phases_alone():

@@ -67,7 +67,9 @@ def test_a_fleet_is_commanded_over_http_and_the_log_says_by_whom(tmp_path):
         wait_for(lambda: ask(address, f"api/orders/{order['id']}")[1]["state"] == "done", 60.0)
         (tmp_path / "theirs.json").write_text(json.dumps(THEIRS))
         options = ("--vda5050", tmp_path / "theirs.json", "--connect", endpoint, "--wait")
-        assert splinefleet("order", *options).returncode == 0
+        done = splinefleet("order", *options)
+        assert done.returncode == 0
+        assert "theirs-7: R2 is under way, arrives " in " ".join(done.stderr.split())
         state = ask(address, "api/vda5050/R2")[1]
         assert (state["orderId"], state["driving"], state["nodeStates"]) == ("theirs-7", False, [])
         assert state["agvPosition"]["x"] == pytest.approx(2.0, abs=1e-4)
@@ -110,6 +112,7 @@ def test_a_run_with_a_page_takes_orders_until_it_is_told_to_end(tmp_path, comman
     with started(command, *options) as process:
         told = line_with(process, "http://", 90.0, "stderr")
         address = told[told.index("http") :].strip()
+        line_with(process, "orders are taken until the mission is ended", 20.0, "stderr")
         idle = {"R1": "done", "R2": "done"}
 
         def phases():

@@ -11,7 +11,7 @@ function kindOf({ id, order, todo, is_acknowledged: seen }) {
 function inWords(group) {
   const [{ robot, text: whole }] = group;
   if (group.length === 1) return whole;
-  const text = whole.replace(/;.*/, "");
+  const text = whole.replace(/\. It stands.*/, "");
   const names = group.map((one) => one.robot).sort((a, b) => a.localeCompare(b, "en", { numeric: true }));
   const all = `${names.slice(0, ALIKE).join(", ")} and ${names.length - ALIKE} more`;
   const [one, many] = [[`${robot} is`, `${all} are`], [`${robot} stands`, `${all} stand`], [robot, all]]

@@ -48,10 +48,11 @@ def test_a_robot_is_what_it_reported_last_with_its_orders_and_who_holds_it():
         state("b", WAITING),
         state("c", ORDER_DONE),
     )
-    answer = known.answer(0.5, {"R1": "R2"})
+    answer = known.answer(0.5, {"R1": ("R2", 3.5)})
     (robot,) = answer.robots
     assert (robot.phase, robot.late, robot.age, robot.is_heard) == ("moving", 0.15, 0.5, True)
-    assert (robot.order, robot.next, robot.held_by) == ("a", ["b"], "R2")
+    assert (robot.order, robot.next) == ("a", ["b"])
+    assert (robot.held_by, robot.held_since) == ("R2", 3.5)
     assert (answer.phase, answer.is_heard, answer.alarms) == ("go", True, [])
     counts = {"waiting": 1, "under way": 1, "done": 1, "cancelled": 0, "refused": 0}
     assert answer.orders == counts
@@ -147,6 +148,18 @@ def test_a_robot_that_was_taken_out_stays_out_though_its_program_speaks():
     assert [one.id for one in known.answer(0.1, {}).robots] == ["R2"]
 
 
+def test_a_robot_that_was_taken_out_unheard_calls_a_person_while_it_is_heard():
+    known = fleet_of(COMMAND, report("R1"), report("R2"))
+    fleet_of(command_at(2.0), report("R2"), state("leave-R1", ORDER_DONE), known=known, at=2.0)
+    assert known.answer(2.0, {}).alarms == []
+    fleet_of(report("R1", phase=MOVING), known=known, at=2.1)
+    (alarm,) = known.answer(2.1, {}).alarms
+    assert (alarm.id, alarm.robot) == ("outside-R1", "R1")
+    assert alarm.text == "R1 was taken out, but is heard: it may be on the floor"
+    fleet_of(command_at(4.0), report("R2"), known=known, at=4.0)
+    assert known.answer(4.0, {}).alarms == []
+
+
 def test_places_are_closed_and_open_again():
     block = Block(1, "wet", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
     known = fleet_of((keys.blocks(FLEET, "wet"), block))
@@ -179,8 +192,9 @@ def test_a_robot_that_is_lost_stands_between_where_it_was_heard_and_where_its_au
         assert told == pytest.approx(tuple(place), abs=1e-3)
     (x, y), (u, v) = robot.stretch[0], robot.stretch[-1]
     (alarm,) = known.alarms.now()
-    assert alarm.text.endswith(f"it stands between ({x:.1f}, {y:.1f}) and ({u:.1f}, {v:.1f})")
-    assert "Press STOP and wait until all stand before you walk in" in alarm.todo
+    where = f"between ({x:.1f}, {y:.1f}) and ({u:.1f}, {v:.1f})"
+    assert alarm.text == f"{plan.robot} is not heard. It stands, or will stop, {where}"
+    assert "It may not hear STOP: keep away until you see it stand" in alarm.todo
 
 
 def test_a_robot_that_is_lost_at_its_goal_stands_there():
@@ -193,7 +207,7 @@ def test_a_robot_that_is_lost_at_its_goal_stands_there():
     fleet_of((keys.command(FLEET), later), known=known, at=100.0)
     x, y = driven.curve.at_arc([driven.timeline.s_at(100.0)])[0]
     (alarm,) = known.answer(100.0, {}).alarms
-    assert alarm.text.endswith(f"it stands at ({x:.1f}, {y:.1f})")
+    assert alarm.text == f"{plan.robot} is not heard. It stands at ({x:.1f}, {y:.1f})"
 
 
 def test_a_robot_that_is_back_without_a_course_calls_until_it_has_one():

@@ -23,6 +23,7 @@ from coordinator.plan.document import PlanDocument, Reason, RobotPlan, Stop
 from protocol import codec, keys, phases, plan_bytes
 from protocol.messages import (
     REFUSED,
+    Admit,
     Clock,
     Command,
     Hello,
@@ -239,6 +240,8 @@ def test_faults_refusals_and_freezes_are_told_once_each(tmp_path):
                 (1.3, all_robots, command(3, 1, phases.FREEZE)),
                 (1.4, one, Report(9, 3, 1, phases.FROZEN, 7, Rest(1.0, 1))),
                 (1.5, keys.plan("f", "R9"), Refusal(3, "not in the scenario")),
+                (1.6, keys.admit("f", "R1"), Admit(7)),
+                (1.6, keys.plan("f", "R1"), Refusal(7, "R1 is driving already")),
             ],
         )
     )

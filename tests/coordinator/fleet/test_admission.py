@@ -73,7 +73,10 @@ def test_a_robot_that_came_back_is_taken_in_at_the_place_it_says_when_it_is_admi
     for name in ("R1", "R3"):
         floor.report(name, ARMED, epoch=2)
     floor.tick()
-    assert floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(1)), floor.now) == []
+    (refusal,) = floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(1)), floor.now)
+    assert decode("plan", refusal.payload) == Refusal(
+        1, "R2 has not come back: start its program first"
+    )
     assert floor.hello("R2", boot=9, place=(9_000, 0, 0)) == []
     assert floor.commands[-1].phase == GO
     (sent,) = floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(1)), floor.now)
@@ -136,11 +139,12 @@ def test_an_operator_who_asks_in_vain_is_told_why_and_everybody_else_once(robot,
 
 
 def test_that_a_robot_has_not_come_back_is_told_again_when_that_has_changed_only():
-    floor = frozen_but("R2")
+    floor, said = frozen_but("R2"), "R2 has not come back: start its program first"
     before = len(floor.fleet.incidents)
     for _ in range(5):
-        assert floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(7)), floor.now) == []
-    assert [i.text for i in floor.fleet.incidents[before:]] == ["R2 has not come back"]
+        (sent,) = floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(7)), floor.now)
+        assert decode("plan", sent.payload) == Refusal(7, said)
+    assert [i.text for i in floor.fleet.incidents[before:]] == [said]
 
 
 @pytest.mark.parametrize("says", [True, False])

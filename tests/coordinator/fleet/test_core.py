@@ -152,6 +152,12 @@ def test_a_robot_that_waits_behind_one_that_is_held_is_held_by_the_one_that_stan
     assert floor.fleet.grants.standstills.behind(["R1"]) == set()
 
 
+STUCK = (
+    "R2 does not get on: its wheels may be stuck. "
+    "Press STOP before you free it; it goes on by itself"
+)
+
+
 def test_a_robot_that_does_not_get_on_is_found_though_the_coordinator_is_away_again_and_again():
     floor = Floor(rule=chain).go()
     drive(floor, 3.0, "R1", "R2", "R3")
@@ -163,7 +169,7 @@ def test_a_robot_that_does_not_get_on_is_found_though_the_coordinator_is_away_ag
         looks += 1
         floor.tick(COMMAND_PERIOD * (3 if looks % 20 == 0 else 1))
     assert floor.now - began < 20 * SECOND
-    assert told_of(floor) == ["R2 does not get on", "others go around R2"]
+    assert told_of(floor) == [STUCK, "others go around R2"]
 
 
 def test_a_robot_at_the_end_of_its_authority_that_is_lost_does_not_stand_at_its_start():
@@ -304,7 +310,7 @@ def test_a_robot_that_does_not_get_on_although_nobody_holds_it_is_given_up():
         floor.tick()
     patience_ms = STUCK_MS + HELD_PATIENCE // 1_000_000
     assert patience_ms <= (floor.now - began) // 1_000_000 <= patience_ms + 3_000
-    assert told_of(floor) == ["R2 does not get on", "others go around R2"]
+    assert told_of(floor) == [STUCK, "others go around R2"]
     assert (floor.commands[-1].phase, floor.commands[-1].epoch) == (GO, 1)
 
 

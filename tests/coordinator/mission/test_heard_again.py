@@ -166,8 +166,10 @@ def test_a_robot_heard_again_and_admitted_that_is_lost_again_is_admitted_when_it
     assert state_of(floor) == {"R1": "rests", "R2": "lost", "R3": "rests"}
     parts = {name: PARTS[name] for name in ("R1", "R3")}
     floor.take(floor.fleet.adopt(3, parts, floor.now, grants()))
-    assert ask(floor) == []
-    assert told(floor, "not admitted") == ["R2 has not come back"]
+    said = "R2 has not come back: start its program first"
+    (refusal,) = ask(floor)
+    assert decode("plan", refusal.payload) == Refusal(7, said)
+    assert told(floor, "not admitted") == [said]
     floor.report("R2", IDLE, epoch=0)
     (sent,) = ask(floor)
     assert decode("command", sent.payload).phase == FREEZE

@@ -1,5 +1,7 @@
 """What the coordinator's command tells people besides the fleet's own incidents."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -11,6 +13,7 @@ from coordinator.mission.replanning_input import Aside, Site
 from coordinator.planning.planner import plan_fleet, plan_scenario
 from coordinator.service import launch
 from coordinator.service.launch import Coordinator
+from coordinator.service.meeting_place import MeetingPlace
 from coordinator.view.live_table import FleetTable
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD
 from protocol.timing import SECOND
@@ -27,7 +30,7 @@ def told(monkeypatch):
 
 
 PLACE = "It stands at (1.00, 7.00):"
-RESTART = "start its program there (`splinefleet agent R2 --at X Y HEADING ...`)"
+RESTART = "start its program there (`splinefleet agent R2 --at X Y HEADING --connect ...`)"
 ADMIT = "`splinefleet admit R2 --connect ...`"
 CARRY = "carry it away and `splinefleet leave R2 --connect ...`"
 
@@ -92,3 +95,26 @@ def test_an_earlier_log_of_the_same_name_is_kept(told, tmp_path):
     kept = [(tmp_path / f"run.mcap.{number}").read_bytes() for number in (1, 2, 3)]
     assert kept == [b"earlier log 0", b"earlier log 1", b"earlier log 2"]
     assert told[0] == f"{log} is there already; it is now {log}.1"
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "keys", "said"),
+    [
+        ("tcp/127.0.0.1:7447", None, "--connect tcp/127.0.0.1:7447"),
+        ("tls/[::1]:7447", Path("keys"), "--connect tls/[::1]:7447 --keys keys"),
+        ("tcp/0.0.0.0:7447", None, "--connect ..."),
+    ],
+)
+def test_commands_that_are_advised_name_the_endpoint_if_others_reach_it(endpoint, keys, said):
+    assert MeetingPlace(endpoint).options(keys) == said
+
+
+def test_the_advice_to_start_a_robot_again_can_be_followed(told):
+    coordinator = Coordinator(HALL, effort=0, speed=1.0, events=False)
+    coordinator._reach = MeetingPlace("tcp/127.0.0.1:7447").options(None)
+    coordinator._say("aside", text=f"{RESTART} and {ADMIT}")
+    reach = "--connect tcp/127.0.0.1:7447"
+    assert told == [
+        f"start its program there (`splinefleet agent R2 --at X Y HEADING {reach}`) and "
+        f"`splinefleet admit R2 {reach}`"
+    ]

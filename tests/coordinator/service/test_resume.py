@@ -281,7 +281,7 @@ def test_a_scenario_that_differs_from_the_log_is_not_gone_on_with(
 
 
 def test_with_its_scenario_a_fleet_goes_on_on_another_floor_and_with_the_same_robots(
-    story, tmp_path
+    story, tmp_path, capsys
 ):
     (tmp_path / "run.mcap").write_bytes(story[: len(story) // 4])
     other = OTHER_FLOOR
@@ -290,6 +290,8 @@ def test_with_its_scenario_a_fleet_goes_on_on_another_floor_and_with_the_same_ro
     )
     mission = coordinator._go_on(9, tmp_path / "run.mcap", with_scenario=True)
     assert mission.fleet.phase == FREEZE
+    said = f"goes on from {tmp_path / 'run.mcap'}: 1 robot is under way"
+    assert said in " ".join(capsys.readouterr().err.split())
     assert len(mission.site.scenario.workspace.obstacles) == 1
     wider = parse_scenario(other.replace(b"radius = 0.1", b"radius = 0.2"), "one.toml")
     with pytest.raises(InputError) as caught:

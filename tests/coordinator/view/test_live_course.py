@@ -289,6 +289,7 @@ def test_how_late_robots_are_and_who_holds_whom_is_told_from_the_messages():
     (held,) = course.scene().held
     assert (names[held.robot], names[held.by], held.until) == (behind, ahead, None)
     assert held.since == pytest.approx((waits + 500) / 1000.0, abs=1e-3)
+    assert course.held_now() == {behind: (ahead, pytest.approx(held.since, abs=1e-3))}
     assert tell(waits + 900, {ahead: 0, behind: 0})
     (held,) = course.scene().held
     assert held.until == pytest.approx((waits + 900) / 1000.0, abs=1e-3)

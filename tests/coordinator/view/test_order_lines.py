@@ -28,10 +28,18 @@ def test_a_line_says_who_does_an_order_and_when_or_why_nobody_does():
         ),
         OrderState("o", ORDER_DONE, "R1", 0, 100, 9_000, 9_150): "o is done by R1",
         OrderState("o", ORDER_DONE, "R1", 0, 100, 9_000, 11_500): "o is done by R1, 2.5 s late",
+        OrderState("leave-R1", ORDER_DONE, "R1", reason="R1 was not heard"): (
+            "leave-R1 is done: R1 was not heard"
+        ),
         OrderState("o", CANCELLED, "R1"): "o is cancelled",
         OrderState("o", REFUSED, reason="nobody can"): "o is refused: nobody can",
     }
     assert {state: order_line(state, clock) for state in said} == said
+
+
+def test_who_does_not_know_when_the_first_go_was_is_told_times_since_then():
+    under_way = OrderState("o", UNDER_WAY, "R1", 0, 100, 9_000)
+    assert order_line(under_way) == "o: R1 is under way, arrives 9.0 s after the first GO"
 
 
 def told(world):

@@ -1,6 +1,7 @@
 """The folder of a local fleet, before anything is started."""
 
 import re
+import subprocess
 
 import pytest
 from typer.testing import CliRunner
@@ -42,6 +43,37 @@ def test_a_run_tells_why_its_fleet_does_not_go(tmp_path, capsys):
     assert re.fullmatch(r"\d\d:\d\d:\d\d R1: has no valid key", first)
     assert back.endswith(" R3 is heard again")
     assert re.fullmatch(r"\d\d:\d\d:\d\d gave up", second)
+
+
+def test_a_run_tells_where_its_coordinator_listens(tmp_path, capsys, monkeypatch):
+    fleet = LocalFleet(read_scenario(PAPER), tmp_path, speed=1.0, effort=0, faults=[])
+    monkeypatch.setattr(fleet, "_start_robot", lambda _: None)
+    fleet._events.put((None, {"event": "listening", "text": "listening on tcp/127.0.0.1:7"}))
+    fleet._events.put((None, None))
+    assert not fleet._follow()
+    assert capsys.readouterr().err.endswith(" listening on tcp/127.0.0.1:7\n")
+
+
+def test_a_run_under_way_tells_who_is_held_by_whom(tmp_path, capsys):
+    fleet = LocalFleet(read_scenario(PAPER), tmp_path, speed=1.0, effort=0, faults=[])
+    fleet._coordinator = subprocess.Popen(["true"])
+    text = "GO, waiting for R2: held by R1, which is not heard"
+    fleet._events.put((fleet._coordinator, {"event": "waiting", "text": text}))
+    fleet._events.put((fleet._coordinator, None))
+    fleet._drive_on()
+    assert capsys.readouterr().err.endswith(f" {text}\n")
+
+
+def test_a_run_whose_coordinator_was_killed_tells_how_to_go_on(tmp_path, capsys):
+    fleet = LocalFleet(read_scenario(PAPER), tmp_path, speed=2.0, effort=0, faults=[])
+    fleet._coordinator = subprocess.Popen(["sleep", "60"])
+    fleet._coordinator.kill()
+    fleet._events.put((fleet._coordinator, None))
+    fleet._drive_on()
+    ended, how = capsys.readouterr().err.splitlines()
+    assert ended.endswith("the coordinator has ended: robots stand where their authority ends")
+    assert f"`splinefleet coordinator {tmp_path}/scenario.json --listen=tcp/127.0.0.1:" in how
+    assert f"--resume={tmp_path}/run.mcap --log={tmp_path}/run-2.mcap --speed=2.0" in how
 
 
 def test_the_run_of_another_fleet_is_replaced_by_force_only(tmp_path):

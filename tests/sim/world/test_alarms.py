@@ -1,13 +1,24 @@
 """A coordinator's terminal calls a person for what its desk does."""
 
+import pytest
+
 from coordinator.desk.known_fleet import KnownFleet
+from coordinator.fleet.core import Fleet
 from coordinator.fleet.log_records import link_record
+from coordinator.fleet.orders import OrderBook
 from coordinator.scenario.model import Order
 from coordinator.service.alarm_bell import AlarmBell
 from protocol import keys
+from protocol.messages import Join, Leave
 from protocol.timing import SECOND
 from sim.floors.generator import generate
-from tests.sim.world.test_orders_in_time import a_world, replace
+from tests.sim.world.test_orders_in_time import (
+    a_world,
+    admit,
+    operator,
+    queue_of_two,
+    replace,
+)
 
 SILENT_S, HEARD_S = 9.0, 14.0
 
@@ -42,3 +53,52 @@ def test_the_terminal_tells_the_alarms_of_the_desk_and_when_they_are_over():
         told |= {alarm.id: text for alarm, text in news}
     (lost,) = [one.text for one in shown if one.id == "lost-R1"]
     assert told == {"lost-R1": f"over: {lost}"}
+
+
+def rung(bell, world, seconds):
+    """The lines of a bell that is looked at for so long."""
+    told = []
+    for _ in range(round(10 * seconds)):
+        world.go_on(0.1)
+        news = bell.news(world.fleet, world.now_ns, world.now_ns / SECOND)
+        told += [text.partition(". ")[0] for _, text in news]
+    return told
+
+
+BACK = "R2 is back and has no course"
+
+
+@pytest.mark.parametrize(("waits_s", "over"), [(0.2, []), (3.0, [f"over: {BACK}"])])
+def test_a_robot_that_is_back_calls_a_person_until_it_is_admitted_and_not_later(waits_s, over):
+    world, bell = a_world(queue_of_two(), faults=["kill:R2@6"]), AlarmBell()
+    assert rung(bell, world, 12.0) == ["R2 is not heard"]
+    world.renew("R2", 78, world.robots["R2"].body.true_pose())
+    assert (BACK in rung(bell, world, waits_s)) == bool(over)
+    admit(world, "R2")
+    assert [text for text in rung(bell, world, 10.0) if BACK in text] == over
+
+
+def test_a_robot_that_was_taken_out_unheard_calls_a_person_until_it_joins_again():
+    world, bell = a_world(queue_of_two(), faults=["hang:R2@6:6"], stays=True), AlarmBell()
+    say, left = operator(world), "R2 was taken out, but is heard: it may be on the floor"
+    assert rung(bell, world, 12.0) == ["R2 is not heard"]
+    say(Leave(9, "R2", "root"))
+    assert "over: R2 is not heard" in rung(bell, world, 1.0)
+    assert "R2 was taken out, by root" in [one.text for one in world.fleet.incidents]
+    task = world.fleet.orders.tasks["leave-R2"]
+    assert task.reason == "R2 was not heard: others drive where it may still stand"
+    assert rung(bell, world, 6.0) == [left]
+    again = Fleet.of_plain(world.fleet.plain(), OrderBook())
+    assert again.outside_ns == world.fleet.outside_ns
+    x, y, heading = world.robots["R2"].body.true_pose()
+    say(Join(9, "R2", (x, y, heading), 0.2, 0.5))
+    assert rung(bell, world, 1.0) == [f"over: {left}"]
+
+
+def test_a_robot_that_was_heard_when_it_was_taken_out_calls_nobody():
+    world, bell = a_world(queue_of_two(), stays=True), AlarmBell()
+    assert rung(bell, world, 60.0) == []
+    operator(world)(Leave(9, "R2"))
+    assert rung(bell, world, 5.0) == []
+    assert set(world.fleet.members) == {"R1", "R3"}
+    assert world.fleet.orders.tasks["leave-R2"].reason == ""

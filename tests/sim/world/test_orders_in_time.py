@@ -278,11 +278,11 @@ def queue_of_two():
 def test_a_robot_held_by_a_lost_one_is_sent_around_it_and_nobody_else_is_stopped(tmp_path):
     logs = RunLogs(tmp_path)
     world = a_world(queue_of_two(), faults=["kill:R2@6"], logs=logs)
-    news = AsideNews()
+    news = AsideNews(speed=4.0)
     world.run(25.0)
-    assert [(who, text[:16]) for who, text in news.news(world.mission)] == [
-        ("R2", "R2 stands betwee")
-    ]
+    ((who, text),) = news.news(world.mission)
+    assert (who, text[:16]) == ("R2", "R2 stands betwee")
+    assert "`splinefleet agent R2 --at X Y HEADING --speed 4 --connect ...`" in text
     world.run(200.0)
     logs.close()
     assert news.news(world.mission) == []
