@@ -40,8 +40,8 @@ def admit(
 ) -> None:
     """Let a robot take part again: it gets a course from where it stands.
 
-    Use it for a robot that was restarted, or that was lost and is heard again.  One that is not
-    heard is refused at once: start its program first.
+    Use it for a robot that was restarted, or that was lost and is heard again.  For one that is not
+    heard the command says so, and goes on asking: start its program first.
 
     The exit code is 1 if the robot cannot be admitted, or gets no course within --wait.
 
@@ -77,9 +77,12 @@ def admit(
                 fleet = name
             if name != fleet:
                 continue  # another fleet on the same router
+            told = asking.waits_for
             asking.hear(message)
             if asking.answer:
                 break
+            if asking.waits_for != told:
+                tell(asking.waits_for)
             if now >= due:
                 asking.asked()
                 transport.put(places.admit(name, robot), encode(Admit(boot, sender(files))))

@@ -170,7 +170,7 @@ class Commands:
 
         def heard(message: Message) -> str | None:
             asking.hear(message)
-            return asking.answer or None
+            return asking.answer or asking.waits_for or None
 
         key = partial(keys.admit, robot=robot)
         answer = await self._line.ask(key, asked, heard, _ADMIT_S)

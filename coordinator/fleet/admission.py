@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from coordinator.fleet.admit_outcome import NOT_BACK
 from coordinator.fleet.events import Incident, Outgoing
 from coordinator.fleet.member import Member
 from coordinator.fleet.roster import Roster
@@ -100,8 +101,7 @@ class Door:
         """Admit a robot whose process is the accepted one; return the same as `admit`."""
         robot, admission = member.id, member.admission
         if not is_heard:
-            why = f"{robot} has not come back: start its program first"
-            return self._deny(robot, boot, why, now_ns)
+            return self._deny(robot, boot, f"{robot} {NOT_BACK}: start its program first", now_ns)
         if boot in admission.asked_by or (not member.planned and admission.join(boot)):
             return False  # An earlier request is being carried out.
         if member.planned and not member.is_fit:

@@ -12,6 +12,9 @@ from protocol.messages import Command, Message, Plan, Refusal
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, OVER
 from protocol.timing import MILLISECOND
 
+NOT_BACK: Final = "has not come back"
+"""What is said of a robot that may still come: who asks goes on asking."""
+
 _MOST_WITHOUT: Final = 2
 """The request ends after this many epochs without the robot, so that the fleet can drive on."""
 
@@ -22,12 +25,12 @@ class Asking:
     The robot is admitted when, after a freeze, the fleet is in an epoch of which the robot has a
     Plan, or when it is sent a further course without a freeze, one that begins after it was asked:
     an earlier one is only said again.  `answer` is empty until the outcome is known, and then says
-    it in words.  `admitted` is true if the outcome is that the robot was
-    admitted.
+    it in words.  `admitted` is true if the outcome is that the robot was admitted.  As long as
+    there is no outcome, `waits_for` says what keeps it from that.
     """
 
     def __init__(self, robot: str, boot: int) -> None:
-        self.answer = ""
+        self.answer = self.waits_for = ""
         self.admitted = False
         self._robot, self._boot = robot, boot
         self._frozen = self._asked = False
@@ -43,7 +46,9 @@ class Asking:
     def hear(self, message: Message) -> None:
         """Take in the fleet's Command, a Plan for the robot, or a Refusal of the request."""
         if isinstance(message, Refusal):
-            if message.boot == self._boot:
+            if message.boot == self._boot and NOT_BACK in message.reason:
+                self.waits_for = message.reason
+            elif message.boot == self._boot:
                 self.answer = message.reason
         elif isinstance(message, Plan):
             self._epoch = max(self._epoch, message.epoch)

@@ -81,7 +81,7 @@ def test_nobody_is_admitted_who_has_not_come_back(tmp_path):
     scenario.write_text(THREE_ROBOTS)
     with started("coordinator", scenario, f"--listen={endpoint}", "--json") as coordinator:
         line_with(coordinator, '"listening"', 60.0)
-        done = splinefleet("admit", "R3", f"--connect={endpoint}", "--wait", "60")
+        done = splinefleet("admit", "R3", f"--connect={endpoint}", "--wait", "1.5")
         stranger = splinefleet("admit", "RX", f"--connect={endpoint}")
     assert done.returncode == stranger.returncode == 1
     assert "R3 has not come back: start its program first" in done.stderr

@@ -3,7 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
-from coordinator.fleet.admit_outcome import Asking
+from coordinator.fleet.admit_outcome import NOT_BACK, Asking
 from protocol.messages import Command, Plan, Refusal
 from protocol.phases import FREEZE, GO, HOLD, OVER
 from protocol.timing import SECOND
@@ -80,3 +80,11 @@ def test_who_asks_in_vain_is_told_before_the_others_go_on():
     asking = asked(command(FREEZE, 1), command(HOLD, 2), vain)
     assert not asking.admitted
     assert asking.answer == "R2 was waited for"
+
+
+def test_who_asks_for_a_robot_that_may_still_come_is_told_and_goes_on_asking():
+    asking = asked(Refusal(BOOT, f"R2 {NOT_BACK}: start its program first"), plan(1))
+    assert asking.waits_for == "R2 has not come back: start its program first"
+    assert not asking.answer
+    asking.hear(replace(plan(1), revision=2, begin_ms=31_000))
+    assert asking.admitted
