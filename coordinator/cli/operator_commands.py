@@ -58,10 +58,8 @@ def admit(
         if place is not None and message is not None:
             heard.put((place[0], message))
 
-    for option, given in (("ROBOT", robot), ("--fleet", fleet)):
-        if given is not None and not places.NAME.fullmatch(given):
-            what = f"{given[:60]!r} is not {places.NAME_IN_WORDS}"
-            raise typer.BadParameter(what, param_hint=option)
+    _check(robot, "ROBOT")
+    _check(fleet, "--fleet")
     files = given_keys(keys, "operator")
     asking = Asking(robot, boot)
     with ZenohTransport.connect(connect, timeout_s=wait, keys=files) as transport:
@@ -93,3 +91,10 @@ def admit(
     late = f"no course for {robot} within {wait:g} s; is the robot back and the fleet under way?"
     tell(asking.answer or late, "red")
     raise typer.Exit(1)
+
+
+def _check(name: str | None, option: str) -> None:
+    """Refuse a name that is none."""
+    if name is not None and not places.NAME.fullmatch(name):
+        what = f"{name[:60]!r} is not {places.NAME_IN_WORDS}"
+        raise typer.BadParameter(what, param_hint=option)
