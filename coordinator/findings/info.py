@@ -48,10 +48,8 @@ from coordinator.findings.traffic_numbers import (
 from coordinator.findings.true_course import TrueCourse, courses_in
 from coordinator.fleet.log_records import (
     LINK_GONE,
-    around_robot,
     drops_of,
     is_adoption_key,
-    is_around_key,
     is_drops_key,
     request_of,
 )
@@ -320,8 +318,6 @@ class _Telling:
             self.summary.dropped |= drops_of(record.payload) or {}
         elif is_adoption_key(record.key):
             self._tell_unfit(record)
-        elif is_around_key(record.key):
-            self._tell_stuck(record)
 
     def _tell_refused(self, kind: str, robot: str, record: Record) -> None:
         """Record a refusal that was sent to a stranger, and count the invalid messages it sent."""
@@ -394,13 +390,6 @@ class _Telling:
             elif one.robot not in self._unfit:
                 self._unfit[one.robot] = f"left where it stands: {WITHOUT[one.state]}"
                 self._tell_fault(record.log_ns, one.robot, self._unfit[one.robot], "unfit")
-
-    def _tell_stuck(self, record: Record) -> None:
-        """Record a robot that others go around although it is heard and says that it moves."""
-        robot = around_robot(record.payload) or ""
-        _, phase = self._heard.get(robot, (0, phases.IDLE))
-        if phase == phases.MOVING and robot not in self._quiet:
-            self._tell_fault(record.log_ns, robot, "did not get on", "stuck")
 
     def _tell_silence(self, log_ns: int, of_phases: Collection[int]) -> None:
         """Record which robots that were last in one of these phases have been silent for too long.

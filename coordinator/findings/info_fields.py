@@ -95,7 +95,7 @@ class FaultSummary(msgspec.Struct):
     """Something that went wrong, or a freeze of robots that were under way (kind "freeze").
 
     Other kinds: "report", a fault that a robot reported; "silence"; "link", a lost link; "refusal";
-    "unfit", a robot left behind; "stuck", one that others went around because it did not get on.
+    "unfit", a robot left behind.
     """
 
     t: float

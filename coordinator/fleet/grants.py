@@ -76,6 +76,8 @@ class PlainGrants(msgspec.Struct, frozen=True):
     limits: dict[str, int]
     given_up: list[str]
     held: list[tuple[int, int, int]]
+    ends: dict[str, int] = {}
+    kept_from: dict[str, str] = {}
 
 
 class Grants:
@@ -155,6 +157,8 @@ class Grants:
             self._limits,
             sorted(self.given_up),
             [(slot, *held) for slot, held in self.standstills.by_slot.items()],
+            self._ends,
+            self.standstills.kept_from,
         )
 
     @classmethod
@@ -182,7 +186,8 @@ class Grants:
         made._next_number, made._reserved = told.next_number, set(told.reserved)
         made._limits = told.limits
         made.given_up = set(told.given_up)
-        for name in made.given_up:
+        made._ends, still.kept_from = told.ends, told.kept_from
+        for name in made.given_up - made._ends.keys():  # Of logs that do not state it.
             made._ends[name] = int(made._rule.most[made._courses[name].now.slot])
         return made
 
@@ -219,9 +224,11 @@ class Grants:
 
     def give_up(self, robot: str) -> None:
         """Grant nothing more on a robot's course for ever: others are sent around where it is."""
-        self.halt(robot)
+        mine = self._courses[robot]
+        self._ends[robot] = int(self._rule.granted[mine.now.slot])
+        self._bound(robot)
         self.given_up.add(robot)
-        coming = self._courses[robot].next
+        coming = mine.next
         if coming is not None:
             coming.is_withdrawn = True
             self._rule.reach(coming.slot, EVER)
@@ -297,8 +304,8 @@ class Grants:
         end_ms = self._end_ms(robot)
         if robot not in self.given_up:
             end_ms = max(end_ms, at_ms)
-        self._ends[robot] = end_ms
-        self._bound(robot)
+            self._ends[robot] = end_ms
+            self._bound(robot)
         return end_ms
 
     def _end_ms(self, robot: str) -> int:
@@ -484,7 +491,7 @@ class Grants:
         rule, slot, own = self._rule, old.slot, begun.slot
         rule.granted[slot] = rule.granted[own]
         rule.told[slot] = min(int(rule.told[slot]), int(rule.told[own]))
-        rule.barred[slot] = True
+        rule.barred[slot], self._done[slot] = True, False
         self._numbers[slot], self._numbers[own] = begun.number, -1
         begun.slot = slot
 

@@ -49,7 +49,7 @@ class Standstills:
         self.by_slot: dict[int, tuple[int, int]] = {}
         """By slot: the slot of who holds its robot, and since when [ms]."""
 
-        self._kept_from: dict[str, str] = {}
+        self.kept_from: dict[str, str] = {}
         """By robot: who has to pass before it may begin the course last found, or one is found."""
 
     def grow(self) -> None:
@@ -61,7 +61,7 @@ class Standstills:
     def await_start(self, slot: int, begin_ms: int) -> None:
         """Take in that a course was committed to a slot; its robot begins it at `begin_ms`."""
         self.passed_ms[slot] = self.got_on_ms[slot] = begin_ms
-        self._kept_from.pop(self._names[slot], None)
+        self.kept_from.pop(self._names[slot], None)
 
     def begin(self, slot: int, old: int, now_ms: int) -> None:
         """Take in that a robot has left its old course for the one in a slot."""
@@ -78,7 +78,7 @@ class Standstills:
 
     def keep_from(self, robot: str, by: int) -> None:
         """Take in that a robot may not begin the course found for it before a slot's has passed."""
-        self._kept_from[robot] = self._names[by]
+        self.kept_from[robot] = self._names[by]
 
     def hold(self, holders: Mapping[int, int | None], now_ms: int) -> None:
         """Take in by which slots' robots those of other slots are held; None: by nobody."""
@@ -91,7 +91,7 @@ class Standstills:
         """Forget a robot that is not on the floor any more, and its slots."""
         for slot in slots:
             self.by_slot.pop(slot, None)
-        self._kept_from = {one: by for one, by in self._kept_from.items() if robot not in (one, by)}
+        self.kept_from = {one: by for one, by in self.kept_from.items() if robot not in (one, by)}
 
     def excuse(self, lost_ms: int) -> None:
         """Take in that for so long [ms] robots could not get on, or could not be heard."""
@@ -108,7 +108,7 @@ class Standstills:
 
         One that may not set out on the course found for it, before another one has passed, counts.
         """
-        held = [*self._kept_from.items(), *((one.robot, one.by) for one in self.held())]
+        held = [*self.kept_from.items(), *((one.robot, one.by) for one in self.held())]
         found = own = set(stopped)
         while more := {robot for robot, by in held if by in found} - found:
             found = found | more

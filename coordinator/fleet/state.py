@@ -94,6 +94,9 @@ class FleetState:
         self.members = Roster(members)
         self.phase = HOLD
         self.incidents: list[Incident] = []
+        self.given_up_news: list[str] = []
+        """Robots that were given up and of which the log does not state it yet."""
+
         self._sequence = 0
         self._changed_ns = 0
         self.allowed_ms = 0
@@ -282,6 +285,7 @@ class FleetState:
     def go_around(self, member: Member, now_ns: int) -> None:
         """Grant a robot nothing more on its course; others go around where it may stand."""
         self.grants.give_up(member.id)
+        self.given_up_news.append(member.id)
         self._tell(now_ns, "fault", member.id, f"others go around {member.id}")
 
     def _give_up(self, failing: list[Failing], now_ns: int) -> None:

@@ -29,6 +29,8 @@ from coordinator.fleet.log_records import (
     adoption_record,
     ahead_key,
     ahead_record,
+    around_key,
+    around_record,
     checkpoint_key,
     course_key,
     drops_key,
@@ -184,10 +186,7 @@ class MissionDriver:
         self._say(self.fleet.tick(now_ns), now_ns)
         self._look_at_log(now_ns)
         jobs = [self._job_of(request) for request in self.mission.dispatcher.look(now_ns)]
-        news = self.mission.dispatcher.obstructions.news
-        for key, record in news:
-            self._record(key, record, now_ns)
-        news.clear()
+        self._record_given_up(now_ns)
         request = self.mission.request(now_ns)
         self._plans = self.fleet.plans()
         if request is not None:
@@ -221,6 +220,7 @@ class MissionDriver:
         if self.under_way.get(job.wanted) is job:
             del self.under_way[job.wanted]
             outcome(now_ns)
+            self._record_given_up(now_ns)
             self._plans = self.fleet.plans()
 
     def tell_drops(self, now_ns: int, last: bool = False) -> None:
@@ -321,13 +321,21 @@ class MissionDriver:
         self._recorded += len(key) + len(payload)
         self._journal.record(key, payload, now_ns, sent_ns)
 
+    def _record_given_up(self, now_ns: int) -> None:
+        """Record which robots were given up since."""
+        given_up = self.fleet.given_up_news
+        for robot in given_up:
+            self._record(around_key(self.fleet.name), around_record(robot), now_ns)
+        given_up.clear()
+
     def _say(self, messages: list[Outgoing], now_ns: int, *, is_new_epoch: bool = False) -> None:
         """Log and send messages; a new phase is in the log before a robot hears of it.
 
         Plans and a GO that are not in the log are not sent: a coordinator that resumes from the log
         would not know of them.  A new epoch is in it with a checkpoint, so that nobody has to plan
-        it again.
+        it again.  What the messages state holds without those that were given up before.
         """
+        self._record_given_up(now_ns)
         for message in messages:
             self._record(message.key, message.payload, now_ns)
             name = message.key.removeprefix(self._orders_key)

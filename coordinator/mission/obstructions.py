@@ -20,7 +20,6 @@ import shapely
 from coordinator.curves.nurbs import Array
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident
-from coordinator.fleet.log_records import around_key, around_record
 from coordinator.fleet.member import Member
 from coordinator.fleet.phases import SILENT_PATIENCE
 from coordinator.fleet.rest_places import Standing
@@ -37,7 +36,7 @@ from coordinator.plan.wire import Driven
 from coordinator.planning.wish import Site
 from coordinator.scenario.model import Point, Pose, Robot
 from coordinator.schedule.authority import EVER
-from protocol.messages import REFUSED
+from protocol.messages import REFUSED, UNDER_WAY
 from protocol.phases import MOVING
 
 Ring = tuple[Point, ...]
@@ -80,9 +79,6 @@ class Obstructions:
         robots: Mapping[str, Robot],
         may_leave: Callable[[str, int], bool],
     ) -> None:
-        self.news: list[tuple[str, bytes]] = []
-        """Records for the log."""
-
         self._fleet = fleet
         self._robots = robots
         self._may_leave = may_leave
@@ -201,7 +197,6 @@ class Obstructions:
         self._around = {name: ring for name, ring in self._around.items() if name in given_up}
         for name in sorted(given_up - self._around.keys()):
             self._around[name] = self.aside(name).disc()
-            self.news.append((around_key(fleet.name), around_record(name)))
         for robot, by in self.held_up().items():
             if fleet.members[by].lost and not fleet.grants.is_over(by):
                 fleet.go_around(fleet.members[by], now_ns)  # Lost before it began its next course.
@@ -258,6 +253,8 @@ class Obstructions:
         """Let orders of robots that are lost for long wait; others may do those without a name."""
         fleet = self._fleet
         for task in fleet.orders.under_way():
+            if task.state != UNDER_WAY:
+                continue  # It was put back with an earlier one of its robot.
             member = fleet.members[task.robot]
             silent_ns = now_ns - max(member.heard_ns, member.excused_ns)
             if member.lost and task.arrived_ms is None and silent_ns > SILENT_PATIENCE:
@@ -325,7 +322,7 @@ class Obstructions:
         waits = any(one.robot == robot and one.is_urgent for one in book.waiting())
         if mine is None or mine.now.course is None or waits:
             return
-        state = (mine.now.revision, frozenset(self._around), frozenset(self._closed))
+        state = (mine.newest.revision, frozenset(self._around), frozenset(self._closed))
         got_on_ms = self._fleet.grants.standstills.got_on_latest_ms
         tried, since_ms, then_ms = self._tried.get(robot, (None, 0, 0))
         if tried == state and (now_ms - since_ms < _AGAIN_MS or got_on_ms == then_ms):
@@ -389,7 +386,8 @@ class Obstructions:
         fleet = self._fleet
         closed = {name: block.polygon for name, block in fleet.blocks.items()}
         for name in sorted(fleet.grants.given_up):
-            rest = self.rest_of(name)
+            member = fleet.members.get(name)
+            rest = None if member is None or member.came_back_to is None else member.rest
             if rest is not None and rest.place is not None and not self._is_on_course(name, rest):
                 places = np.array([rest.place[:2]])
                 ring = Aside(self._robots[name], "lost", places, None).disc()

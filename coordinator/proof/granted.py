@@ -221,7 +221,7 @@ class Granted:
         if coming.is_withdrawn:
             slot, own = old.slot, coming.slot
             self._granted[slot] = self._granted[own]
-            self._ended[slot] = self._ended.pop(own)
+            self._ended[slot], self._at_goal[slot] = self._ended.pop(own), False
             coming.slot, coming.other_slot = slot, own
             return
         self._passed[old.slot], self._at_goal[old.slot] = np.inf, True

@@ -29,6 +29,7 @@ from coordinator.fleet.log_records import (
     Search,
     adoption_key,
     ahead_key,
+    around_key,
     checkpoint_key,
     course_key,
     drops_key,
@@ -357,7 +358,7 @@ class _Rerun(Journal):
             self._driver.hear_router(record.payload == LINK_UP, now_ns)
         elif record.key == told_key(name):
             self._driver.tell(record.payload, now_ns)
-        elif record.key == ahead_key(name) or (kind == "command" and is_sent):
+        elif record.key in (ahead_key(name), around_key(name)) or (kind == "command" and is_sent):
             self._driver.look(now_ns)
         elif not is_sent:
             changed = self._is_tick(record) if kind == "command" else ""

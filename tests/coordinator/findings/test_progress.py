@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from coordinator.exchange.foxglove import poses_of
 from coordinator.exchange.motion_story import story_of_log
-from coordinator.findings.info import summarise
 from coordinator.findings.progress import ON_TIME, Progress
 from coordinator.log.log_file import read_log
 from coordinator.planning.planner import plan_scenario
@@ -130,10 +129,3 @@ def test_the_page_of_a_log_tells_who_was_held(stalled):
     long = [one for one in scene.held if one.until - one.since >= 1.0]
     marks = [mark.text for mark in scene.marks if mark.kind == "late"]
     assert marks == [f"{names[one.robot]} is held by {names[one.by]}" for one in long]
-
-
-def test_the_summary_of_a_log_names_a_robot_that_did_not_get_on(stalled):
-    log, _ = stalled
-    (stuck,) = summarise(log)["faults"]
-    assert (stuck["robot"], stuck["fault"], stuck["kind"]) == ("R3", "did not get on", "stuck")
-    assert 16.0 < stuck["t"] < 24.0

@@ -1,14 +1,20 @@
 """Robots that others go around and that come back late: they drive no farther, and hold others."""
 
+import math
+
 import pytest
 
 from coordinator.findings.log_proof import prove_log
 from coordinator.fleet.grants import Grants
-from coordinator.log.log_file import read_log
+from coordinator.log.log_file import logs_before, read_log
 from coordinator.scenario.model import Order
 from coordinator.schedule.authority import EVER
-from protocol.messages import Block, Unblock
+from coordinator.service.replay import check_log
+from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, Block, Unblock
 from protocol.messages import Order as Said
+from protocol.timing import SECOND
+from sim.judging.judge import least_separation
+from sim.world.fault_text import Fault
 from sim.world.run_logs import RunLogs
 from tests.scenarios import a_scenario, box
 from tests.sim.world.test_orders_in_time import (
@@ -17,6 +23,8 @@ from tests.sim.world.test_orders_in_time import (
     idle,
     nobody_touches,
     operator,
+    start_again,
+    states,
 )
 
 HALL = (14.0, 8.0)
@@ -84,3 +92,141 @@ def test_the_log_shows_if_a_withdrawn_course_counted_as_passed(tmp_path, monkeyp
     world, logs = redirected_and_cut_off(tmp_path)
     assert not nobody_touches(world)
     assert not prove_log(read_log(logs.paths[-1])).holds
+
+
+def a_fleet(tmp_path, robots, orders=(), faults=(), **options):
+    """Return a fleet in a hall, and its logs."""
+    logs = RunLogs(tmp_path)
+    scenario = a_scenario(robots, size=HALL, orders=orders)
+    options = {"planning_ns": 150_000_000, "stays": True, **options}
+    return a_world(scenario, faults=faults, logs=logs, **options), logs
+
+
+def crossed(tmp_path):
+    """R1 rests at a goal, is sent on, and is cut off before it says so; R2 crosses its way."""
+    orders = (
+        Order(id="far", goal=(11.0, 3.0), robot="R1", release=2.7),
+        Order(id="cross", goal=(6.0, 1.0), robot="R2", release=4.0),
+        Order(id="again", goal=(6.0, 3.0), robot="R2", release=6.0),
+    )
+    robots = [idle("R1", (1.0, 3.0)), idle("R2", (6.0, 5.2))]
+    world, logs = a_fleet(tmp_path, robots, orders, ["cut:R1@3.0:20"])
+    world.run(90.0)
+    logs.close()
+    return world, logs
+
+
+def test_a_robot_that_began_a_withdrawn_course_at_a_goal_is_granted_nothing(tmp_path):
+    world, logs = crossed(tmp_path)
+    assert set(states(world).values()) == {ORDER_DONE}
+    assert_sound(world, logs)
+
+
+def test_the_log_shows_if_such_a_robot_is_granted_the_headroom(tmp_path, monkeypatch):
+    take_place = Grants._take_place
+
+    def at_goal(grants, begun, old):
+        take_place(grants, begun, old)
+        grants._done[begun.slot] = True
+
+    monkeypatch.setattr(Grants, "_take_place", at_goal)
+    world, logs = crossed(tmp_path)
+    assert not nobody_touches(world)
+    assert not prove_log(read_log(logs.paths[-1])).holds
+
+
+@pytest.mark.parametrize("later", [0.2, 0.75])
+def test_where_a_robot_came_back_stays_closed_when_it_is_lost_again(tmp_path, later):
+    """R1 is started again 3 m beside its course, admitted, and dies once more; R2 is sent there."""
+    robots = [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 6.0))]
+    orders = (Order(id="far", goal=(12.0, 1.0), robot="R1", release=1.0),)
+    world, logs = a_fleet(tmp_path, robots, orders, ["kill:R1@6"], planning_ns=300_000_000)
+    say = operator(world)
+    world.run(9.0)
+    start_again(world, "R1", 78, (0.5, 3.0))
+    world.run(later)
+    world.strike(Fault("kill", "R1", 1.0, 0.0))
+    died = (world.now_ns - world.began_ns) / SECOND
+    world.run(5.0)
+    x, y, _ = world.robots["R1"].body.true_pose()
+    say(Said(9, "through", (x + 4.0, y), robot="R2", via=((x - 1.5, y),)))
+    world.run(60.0)
+    logs.close()
+    boxes = [box.between(died, math.inf, 0.0) for box in world.blackboxes().values()]
+    assert least_separation(*boxes)[0] > 0.4
+    log = read_log(logs.paths[-1])
+    assert (check_log(log).difference, prove_log(log).holds) == ("", True)
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.0, 4.0)])
+def test_a_robot_killed_as_it_was_sent_on_is_admitted_where_it_stands(tmp_path, shift):
+    """Its next program must not take the course that was meant for the one before it."""
+    world, logs = a_fleet(tmp_path, [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 7.0))])
+    say = operator(world)
+    world.run(4.0)
+    say(Said(9, "a", (8.0, 1.0), robot="R1"))
+    while world.fleet.grants.of("R1").next is None:
+        world.step()
+    world.strike(Fault("kill", "R1", 1.0, 0.0))
+    world.run(0.5)
+    start_again(world, "R1", 78, shift)
+    world.run(60.0)
+    logs.close()
+    assert states(world)["a"] == ORDER_DONE
+    log = read_log(logs.paths[-1])
+    assert (check_log(log).difference, prove_log(log).holds) == ("", True)
+
+
+def test_a_robot_whose_course_was_withdrawn_gets_another_though_nobody_moves(tmp_path):
+    orders = (Order(id="far", goal=(11.0, 1.0), robot="R1", release=1.0),)
+    robots = [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 5.0))]
+    world, logs = a_fleet(tmp_path, robots, orders, ["driver-error:R1@4"])
+    world.run(4.4)
+    while (coming := world.fleet.grants.of("R1").next) is None or coming.is_withdrawn:
+        world.step()
+    world.run(0.12)
+    world.strike(Fault("kill", "R1", 1.0, 0.0))
+    world.run(0.5)
+    start_again(world, "R1", 79)
+    world.run(60.0)
+    logs.close()
+    assert states(world)["far"] == ORDER_DONE
+    assert_sound(world, logs)
+
+
+def test_a_lost_robot_with_two_unnamed_orders_stops_nobody(tmp_path):
+    orders = (Order(id="a", goal=(8.0, 1.0)), Order(id="b", goal=(8.0, 5.0)))
+    world, logs = a_fleet(tmp_path, [idle("R1", (1.0, 1.0))], orders, stays=False)
+    while list(states(world).values()) != [UNDER_WAY] * 2:
+        world.step()
+    world.strike(Fault("kill", "R1", 1.0, 0.0))
+    world.run(60.0)
+    logs.close()
+    assert set(states(world).values()) == {REFUSED}
+
+
+def test_where_a_robot_is_to_leave_its_course_outlasts_two_coordinators(tmp_path):
+    """A place is opened between them; the first log's checkpoint states where the robot halts."""
+    orders = (Order(id="a", goal=(12.0, 1.0), robot="R1", release=1.0),)
+    robots = [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 5.0))]
+    world, logs = a_fleet(tmp_path, robots, orders)
+    say = operator(world)
+    world.run(5.0)
+    say(Block(9, "wet", box(13.0, 5.0, 13.5, 5.5)))
+    world.run(1.0)
+    say(Said(9, "b", (12.0, 4.0), robot="R1", now=True))
+    while world.fleet.grants.of("R1").next is None:
+        world.step()
+    world.strike(Fault("cut", "R1", 1.0, 60.0))
+    world.run(0.1)
+    for pause in (2.0, 30.0):
+        world.strike(Fault("coordinator-restart", "", 1.0, 1.0))
+        world.run(pause)
+        say(Unblock(9, "wet"))
+        world.run(3.0)
+    logs.close()
+    for path in logs.paths:
+        log = read_log(path)
+        assert check_log(log).difference == ""
+        assert prove_log(log, before=logs_before(log)).holds
+    assert nobody_touches(world)
