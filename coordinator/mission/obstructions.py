@@ -262,8 +262,8 @@ class Obstructions:
                     why = f"{task.robot} was not heard; it counts as lost until it is, or leaves"
                     fleet.orders.end(task, REFUSED, why)
                     continue
-                if not task.order.robot:
-                    fleet.grants.give_up(task.robot)
+                if not (task.order.robot or task.robot in fleet.grants.given_up):
+                    fleet.go_around(member, now_ns)
                 fleet.orders.put_back(task.robot)
 
     def _give_up_refusing(self, now_ns: int) -> None:

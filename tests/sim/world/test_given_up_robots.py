@@ -230,3 +230,17 @@ def test_where_a_robot_is_to_leave_its_course_outlasts_two_coordinators(tmp_path
         assert check_log(log).difference == ""
         assert prove_log(log, before=logs_before(log)).holds
     assert nobody_touches(world)
+
+
+def test_the_log_states_that_a_robot_lost_for_long_was_given_up_for_its_unnamed_order(tmp_path):
+    """R2 is sent across where R1 may not come any more; the log proves that."""
+    orders = (
+        Order(id="any", goal=(12.0, 3.0), release=1.0),
+        Order(id="there", goal=(9.0, 3.0), robot="R2", release=22.0),
+    )
+    robots = [idle("R1", (1.0, 3.0)), idle("R2", (1.0, 7.0))]
+    world, logs = a_fleet(tmp_path, robots, orders, ["kill:R1@5"])
+    world.run(60.0)
+    logs.close()
+    assert states(world)["there"] == ORDER_DONE
+    assert_sound(world, logs)
