@@ -318,10 +318,12 @@ class Dispatcher:
     def _can_go(self, request: CourseRequest, asked: Asked, idle: list[str], now_ns: int) -> bool:
         """Return whether a robot can still go on to a course from the one that it had."""
         fleet, robot = self._fleet, request.robot
-        mine = fleet.grants.of(robot)
+        member, mine = fleet.members[robot], fleet.grants.of(robot)
+        if member.lost or member.gone:
+            return False  # It would not be sent the course.
         is_same = mine is not None and mine.newest.revision == request.revision - 1
         if asked.leaves:  # One that has stopped meanwhile goes on from where it then rests.
-            return is_same and fleet.members[robot].has_stopped(fleet.epoch) == asked.has_stopped
+            return is_same and member.has_stopped(fleet.epoch) == asked.has_stopped
         return robot in idle or (asked.follows and is_same and robot in self._arriving(now_ns))
 
     def _not_found(

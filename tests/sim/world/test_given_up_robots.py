@@ -244,3 +244,19 @@ def test_the_log_states_that_a_robot_lost_for_long_was_given_up_for_its_unnamed_
     logs.close()
     assert states(world)["there"] == ORDER_DONE
     assert_sound(world, logs)
+
+
+def test_no_course_is_committed_for_a_robot_that_was_lost_while_it_was_looked_for(tmp_path):
+    orders = (Order(id="far", goal=(12.0, 1.0), robot="R1", release=1.0),)
+    robots = [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 7.0))]
+    world, logs = a_fleet(tmp_path, robots, orders, planning_ns=1_500_000_000)
+    say = operator(world)
+    world.run(6.0)
+    say(Said(9, "a", (8.0, 4.0), robot="R1", now=True))
+    while not world.mission.dispatcher.searches.has("R1"):
+        world.step()
+    world.strike(Fault("kill", "R1", 1.0, 0.0))
+    world.run(10.0)
+    logs.close()
+    assert world.fleet.grants.of("R1").next is None
+    assert_sound(world, logs)
