@@ -145,7 +145,9 @@ class Trial:
         if isinstance(act, Fault):
             world.strike(act)
         elif isinstance(act, Carry):
-            if act.robot in world.fleet.members and self._is_there(act.robot):
+            member = world.fleet.members.get(act.robot)
+            is_down = member is not None and member.gone and world.robots[act.robot].dead
+            if is_down and self._is_there(act.robot):  # Not so if acts before it were left out.
                 self._take_away(act.robot, self.now)
                 self._put(act.robot, act.pose)
         elif isinstance(act, Admission):
