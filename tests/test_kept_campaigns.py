@@ -8,7 +8,16 @@ from typing import NamedTuple, get_type_hints
 import msgspec
 import pytest
 
-from benchmarks import beyond, campaign, disturbance, order_campaign, quality, reliability, safety
+from benchmarks import (
+    beyond,
+    campaign,
+    disturbance,
+    operator_campaign,
+    order_campaign,
+    quality,
+    reliability,
+    safety,
+)
 from benchmarks.firmware import trials
 from sim.campaigns.latencies import Latencies
 
@@ -128,6 +137,7 @@ def test_progress_says_how_many_are_left(tmp_path, capsys, monkeypatch):
     "measures",
     [
         (order_campaign.run_seed, order_campaign.Result(3, ("x",), {"done": 2}, 0, ("kill",))),
+        (operator_campaign.run_seed, operator_campaign.Result(3, ("x",), ("kill",), 9, 1, 0)),
         (reliability._death, reliability.Death("R1", 0.5, 3, 0, False, ())),
         (
             reliability.outcome,
