@@ -88,7 +88,8 @@ def take_messages(
     fleet, boot = log.metadata.get("fleet", ""), log.metadata.get("boot", "")
     unknown: set[int] = set()
     processes = _Processes()
-    newest: GrantedCourses | None = None
+    begun = [one for one in granted.values() if one.commands]  # By a log that this one resumes.
+    newest = begun[-1] if begun else None
     for record in log.records:
         place = keys.split(record.key)
         if newest is not None and is_around_key(record.key):

@@ -366,7 +366,7 @@ class Dispatcher:
             book.end(task, REFUSED, f"{robot} has no way: {why}")
             return
         waiting = {one.robot for one in book.waiting() if one.makes_room}
-        for name in answer.blockers:
+        for name in filter(fleet.members.__contains__, answer.blockers):  # Others left meanwhile.
             if fleet.members[name].lost:
                 fleet.grants.keep_from(robot, name)
             own = [one for one in book.waiting() if one.robot == name]

@@ -123,8 +123,8 @@ class Granted:
         if known is None and mine is not None:
             coming = self._next.get(robot)
             is_free = coming is None or coming.is_withdrawn
-            if is_free and plan.revision == (coming or mine).revision + 1:
-                return False
+            if is_free and plan.revision > (coming or mine).revision:
+                return False  # One that was withdrawn before it was sent is not in the log.
         if known is None and robot in self._joining and plan.revision == 0:
             return False
         message = encode(msgspec.structs.replace(plan, boot=0))

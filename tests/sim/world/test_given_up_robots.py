@@ -10,7 +10,7 @@ from coordinator.log.log_file import logs_before, read_log
 from coordinator.scenario.model import Order
 from coordinator.schedule.authority import EVER
 from coordinator.service.replay import check_log
-from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, Block, Unblock
+from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, Block, Leave, Unblock
 from protocol.messages import Order as Said
 from protocol.timing import SECOND
 from sim.judging.judge import least_separation
@@ -260,3 +260,18 @@ def test_no_course_is_committed_for_a_robot_that_was_lost_while_it_was_looked_fo
     logs.close()
     assert world.fleet.grants.of("R1").next is None
     assert_sound(world, logs)
+
+
+def test_a_robot_that_leaves_while_another_looks_for_a_way_past_it_is_no_trouble(tmp_path):
+    robots = [idle("R1", (6.0, 4.0)), idle("R2", (1.0, 4.0))]
+    world, logs = a_fleet(tmp_path, robots, planning_ns=1_500_000_000)
+    say = operator(world)
+    world.run(4.0)
+    say(Said(9, "a", (6.0, 4.0), robot="R2"))
+    while not world.mission.dispatcher.searches.has("R2"):
+        world.step()
+    say(Leave(9, "R1"))
+    world.run(40.0)
+    logs.close()
+    assert "R1" not in world.fleet.members
+    assert states(world)["a"] == ORDER_DONE
