@@ -1,5 +1,7 @@
 """The campaign of operators and faults: runs end well, and those of a damaged product do not."""
 
+import pytest
+
 from benchmarks.operator_campaign import run_seed, shrunk
 from coordinator.fleet.grants import Grants
 
@@ -10,6 +12,12 @@ def test_two_seeds_end_without_a_touch_and_their_logs_are_proven():
         assert result.problems == ()
         assert result.acts > 20
         assert result.script == ()
+
+
+@pytest.mark.parametrize("seed", [116, 200])
+def test_logs_were_judged_wrong_whose_robots_were_started_again_or_never_sent_a_course(seed):
+    """A program that was not admitted spoke in a resumed log; a course was withdrawn unsent."""
+    assert run_seed(seed, prove_each=1).problems == ()
 
 
 def test_a_fleet_that_lets_robots_drive_on_which_were_given_up_is_found(monkeypatch):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from coordinator.findings.granted_courses import granted_of
 from coordinator.findings.info_fields import HeldSummary
-from coordinator.findings.log_proof import plans_of, take_messages
+from coordinator.findings.log_proof import Processes, plans_of, take_messages
 from coordinator.log.records import Log
 from coordinator.proof.granted import Granted
 from protocol.messages import Command
@@ -73,10 +73,10 @@ def held_in(log: Log, before: Sequence[Log], seconds: Callable[[int], float]) ->
     [ns] to the time of the summary [s].
     """
     granted = {document.epoch: granted_of(document) for document in plans_of([*before, log])}
-    holds = Holds()
+    holds, processes = Holds(), Processes()
     for one in before:
-        take_messages(one, granted)
-    take_messages(log, granted, holds.take)
+        take_messages(one, granted, processes)
+    take_messages(log, granted, processes, holds.take)
     end_ns = log.records[-1].log_ns if log.records else 0
 
     def time(at_ns: int | None) -> float:

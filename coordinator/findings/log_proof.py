@@ -64,9 +64,9 @@ def prove_log(log: Log, scenario: Scenario | None = None, before: Sequence[Log] 
         first = document.epoch == 1
         proofs[document.epoch] = prove_messages(plan, scenario if first else None)
         granted[document.epoch] = GrantedCourses(plan, prove=True)
-    unknown: set[int] = set()
+    unknown, processes = set[int](), Processes()
     for one in logs:
-        unknown |= take_messages(one, granted)
+        unknown |= take_messages(one, granted, processes)
     epochs = [
         EpochProof(number, proofs[number], found.commands, found.failures, found.courses)
         for number, found in granted.items()
@@ -78,16 +78,17 @@ def prove_log(log: Log, scenario: Scenario | None = None, before: Sequence[Log] 
 def take_messages(
     log: Log,
     granted: Mapping[int, GrantedCourses],
+    processes: Processes,
     watch: Callable[[Command, Granted, int], None] = lambda _command, _granted, _now: None,
 ) -> set[int]:
     """Let what was granted, by epoch, take in a log's Plans, Reports and coordinator's Commands.
 
-    `watch` is called after each Command with its epoch and the time of the log [ns].  Returns the
-    other epochs, in which robots were sent Plans or let drive.
+    `processes`: those accepted by the end of the logs before it.  `watch` is called after each
+    Command with its epoch and the time of the log [ns].  Returns the other epochs, in which robots
+    were sent Plans or let drive.
     """
     fleet, boot = log.metadata.get("fleet", ""), log.metadata.get("boot", "")
     unknown: set[int] = set()
-    processes = _Processes()
     begun = [one for one in granted.values() if one.commands]  # By a log that this one resumes.
     newest = begun[-1] if begun else None
     for record in log.records:
@@ -124,10 +125,10 @@ class _Asked(NamedTuple):
     log_ns: int
 
 
-class _Processes:
+class Processes:
     """The process of each robot that the coordinator accepted: it answered its word with a Plan.
 
-    A log that another one resumes may begin after that; then any process may be the accepted one.
+    The first log may begin after that; then any process may be the accepted one.
     """
 
     def __init__(self) -> None:
@@ -135,6 +136,7 @@ class _Processes:
         self._accepted: dict[str, int] = {}
 
     def take(self, robot: str, message: Message | None, log_ns: int) -> None:
+        """Take in what a robot said, or was sent, at a time of the log [ns]."""
         if isinstance(message, Hello | Report):
             self._asked[robot] = _Asked(message.boot, log_ns)
         elif isinstance(message, Plan) and robot in self._asked:
@@ -143,6 +145,7 @@ class _Processes:
                 self._accepted[robot] = asked.boot
 
     def may_be(self, robot: str, boot: int) -> bool:
+        """Return whether a process, by its boot id, may be the accepted one of a robot."""
         return self._accepted.get(robot, boot) == boot
 
 
