@@ -262,7 +262,7 @@ class Fleet(OperatedFleet):
             for one in self.members.values()
             if one.lacks_course(self.epoch)
             and not one.has_dropped_course(self.epoch)
-            and not (one.lost or one.gone)  # Another program of it would take the course for its.
+            and not one.is_out_of_reach
         ]
         return [plan for member in lacking for plan in self._send_plan(member, now_ns)]
 

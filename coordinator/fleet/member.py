@@ -197,6 +197,12 @@ class Member:
         has_old = self.epoch == epoch and self.phase in (MOVING, DONE, FROZEN)
         return self.planned and has_old and self.holds < self.revision
 
+    @property
+    def is_out_of_reach(self) -> bool:
+        """Whether a course would reach nobody, or a program that is not admitted."""
+        at_door = self.admission.hello
+        return self.lost or self.gone or (at_door is not None and at_door.boot != self.boot)
+
     def has_dropped_course(self, epoch: int) -> bool:
         """Return whether the robot has stopped before it began its newest course.
 

@@ -319,7 +319,7 @@ class Dispatcher:
         """Return whether a robot can still go on to a course from the one that it had."""
         fleet, robot = self._fleet, request.robot
         member, mine = fleet.members[robot], fleet.grants.of(robot)
-        if member.lost or member.gone:
+        if member.is_out_of_reach:
             return False  # It would not be sent the course.
         is_same = mine is not None and mine.newest.revision == request.revision - 1
         if asked.leaves:  # One that has stopped meanwhile goes on from where it then rests.

@@ -19,6 +19,7 @@ from sim.world.run_logs import RunLogs
 from tests.scenarios import a_scenario, box
 from tests.sim.world.test_orders_in_time import (
     a_world,
+    admit,
     assert_sound,
     idle,
     nobody_touches,
@@ -275,3 +276,26 @@ def test_a_robot_that_leaves_while_another_looks_for_a_way_past_it_is_no_trouble
     logs.close()
     assert "R1" not in world.fleet.members
     assert states(world)["a"] == ORDER_DONE
+
+
+def test_a_program_that_is_not_admitted_gets_no_course_though_its_silence_is_excused(tmp_path):
+    """The coordinator was away: robots have some seconds to be heard again."""
+    world, logs = a_fleet(tmp_path, [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 7.0))])
+    say = operator(world)
+    world.run(4.0)
+    world.strike(Fault("kill", "R1", 1.0, 0.0))
+    world.run(0.5)
+    world.renew("R1", 78, world.robots["R1"].body.true_pose())
+    world.run(0.5)
+    world.strike(Fault("coordinator-restart", "", 1.0, 1.0))
+    world.run(1.5)
+    say(Said(9, "a", (8.0, 1.0), robot="R1"))
+    world.run(10.0)
+    assert world.robots["R1"].service.agent.ride is None
+    admit(world, "R1")
+    world.run(40.0)
+    logs.close()
+    assert states(world)["a"] == ORDER_DONE
+    assert nobody_touches(world)
+    log = read_log(logs.paths[-1])
+    assert (check_log(log).difference, prove_log(log, before=logs_before(log)).holds) == ("", True)
