@@ -200,8 +200,7 @@ class Member:
     @property
     def is_out_of_reach(self) -> bool:
         """Whether a course would reach nobody, or a program that is not admitted."""
-        at_door = self.admission.hello
-        return self.lost or self.gone or (at_door is not None and at_door.boot != self.boot)
+        return self.lost or self.gone or self._has_another_program
 
     def has_dropped_course(self, epoch: int) -> bool:
         """Return whether the robot has stopped before it began its newest course.
@@ -282,9 +281,13 @@ class Member:
 
     def has_come_back(self, now_ns: int) -> bool:
         """Return whether another process of the robot is heard that was not accepted yet."""
+        return self._has_another_program and self.admission.is_at_door(self.timeout_ns, now_ns)
+
+    @property
+    def _has_another_program(self) -> bool:
+        """Whether a process of the robot has said hello that was not accepted yet."""
         hello = self.admission.hello
-        is_other = hello is not None and hello.boot != self.boot
-        return is_other and self.admission.is_at_door(self.timeout_ns, now_ns)
+        return hello is not None and hello.boot != self.boot
 
     def is_armed(self, epoch: int, now_ns: int) -> bool:
         """Return whether the robot is armed with this epoch's plan, and is heard."""
