@@ -169,6 +169,8 @@ class Adversary:
         self._density = dice.choice((0.8, 1.1, 1.5))
         self._now = 0.0
         self._coming: list[tuple[float, int, Act]] = []
+        self._carried: dict[str, _Pose] = {}
+        """Where robots were carried that have not said yet that they stand there."""
         self._seen: set[tuple[str, str, int]] = set()
         self._count = 0
 
@@ -183,10 +185,18 @@ class Adversary:
                     self._take_back(name)
                 else:
                     self._aim(member)
+        for name, pose in list(self._carried.items()):
+            place = self._world.fleet.members[name].came_back_to
+            if place is not None and math.dist(place[:2], pose[:2]) < _EDGE:
+                del self._carried[name]
         self._coming.sort(key=lambda one: one[:2])
-        acts = [act for time, _, act in self._coming if time <= now]
-        del self._coming[: len(acts)]
-        return acts
+        due = [one for one in self._coming if one[0] <= now and not self._waits(one[2])]
+        self._coming = [one for one in self._coming if one not in due]
+        return [act for _, _, act in due]
+
+    def _waits(self, act: Act) -> bool:
+        """Return whether an act would strike where nobody could know that a robot is there."""
+        return isinstance(act, Fault) and act.robot in self._carried
 
     def _draw(self) -> None:
         """Draw acts that are not aimed at anything."""
@@ -315,7 +325,8 @@ class Adversary:
     def _carry(self, robot: str) -> None:
         """Carry a robot to a place far from others; then faults and orders for others follow.
 
-        Until it has said where it is, nothing strikes: nobody could know that it is there.
+        Nothing strikes before it has been let in, and nothing strikes it before it has said where
+        it is: nobody could know that it is there.
         """
         dice, pose = self._dice, self._pose()
         others = [name for name in self._robots if name != robot]
@@ -324,6 +335,7 @@ class Adversary:
             return
         self._coming = [one for one in self._coming if not isinstance(one[2], Fault)]
         self._later(0.0, Carry(robot, pose))
+        self._carried[robot] = pose
         for after in (0.65, 1.2, 3.0, 6.0):
             self._later(after, Admission(robot))
         soon = 0.65 + dice.uniform(0.0, 1.5)

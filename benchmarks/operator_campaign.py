@@ -63,7 +63,7 @@ LASTS: Final = 45.0
 SETTLED: Final = LASTS + 40.0
 """From then on [s] operators open what is closed, and tell the fleet to go on and to end."""
 PATIENCE: Final = 300.0
-"""A run has to end within so long [s] after that."""
+"""A run has to end within so long [s] after that, or after an order was done since then."""
 STEP: Final = 0.05
 """How often [s] operators look at the fleet."""
 
@@ -121,17 +121,25 @@ class Trial:
         world = self.world
         while not world.began_ns and world.now_ns < 60 * SECOND:
             world.run(STEP)
-        asked = SETTLED
-        while self.now < SETTLED + PATIENCE and not world.fleet.is_finished:
+        asked = latest = SETTLED
+        done = 0
+        while self.now < latest + PATIENCE and not world.fleet.is_finished:
             for act in self._due():
                 self.script.append((self.now, act))
                 self._do(act)
             if self.now >= asked:
                 self._end()
                 asked += 5.0
+            if self._orders_done() > done:
+                done, latest = self._orders_done(), max(self.now, SETTLED)
             self._note_stays()
             world.run(STEP)
         world.go_on(1.0)
+
+    def _orders_done(self) -> int:
+        """Return how many orders of operators are done; not where robots made room for others."""
+        tasks = self.world.fleet.orders.tasks.values()
+        return sum(task.state == ORDER_DONE and not task.makes_room for task in tasks)
 
     def _due(self) -> list[Act]:
         if self._coming is None:
