@@ -29,8 +29,9 @@ _EDGE: Final = 0.7
 """Robots are wanted, and stand, no nearer than this [m] to the walls."""
 _APART: Final = 2.5
 """A robot is carried to a place this far [m] from others, which have time to hear of it."""
-_LONGEST: Final = {"cut": 20.0, "stall": 30.0, "hang": 12.0}
-"""Longer [s] than other campaigns draw them: robots are lost, and given up, meanwhile."""
+_MOST: Final = {"cut": 20.0, "stall": 30.0, "hang": 12.0, "slow": 0.9}
+"""Longer [s] than other campaigns draw them: robots are lost, and given up, meanwhile.  A robot
+that keeps less than a tenth of its speed is as good as one that stands."""
 _OF_ROBOTS: Final = tuple(kind for kind in KINDS if not kind.startswith("coordinator-"))
 _OF_COORDINATORS: Final = tuple(kind for kind in KINDS if kind.startswith("coordinator-"))
 
@@ -314,7 +315,7 @@ class Adversary:
     def _fault(self, kind: str, robot: str = "", after: float = 0.0) -> None:
         """Let a fault strike; a robot that is started again is let in some time later, or never."""
         dice, (least, most) = self._dice, KINDS[kind].drawn
-        value = round(dice.uniform(least, _LONGEST.get(kind, most)), 2)
+        value = round(dice.uniform(least, _MOST.get(kind, most)), 2)
         if kind == "clock-jump":
             value *= dice.choice((-1, 1))
         self._later(after, Fault(kind, robot, round(self._now + after, 2), value))

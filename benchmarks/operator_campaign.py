@@ -62,7 +62,7 @@ LASTS: Final = 45.0
 """Operators and faults begin something within this [s]."""
 SETTLED: Final = LASTS + 40.0
 """From then on [s] operators open what is closed, and tell the fleet to go on and to end."""
-PATIENCE: Final = 300.0
+PATIENCE: Final = 900.0
 """A run has to end within so long [s] after that, or after an order was done since then."""
 STEP: Final = 0.05
 """How often [s] operators look at the fleet."""

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import msgspec
 
 from coordinator.findings.granted_courses import GrantedCourses
-from coordinator.fleet.log_records import around_robot, is_around_key
+from coordinator.fleet.log_records import ahead_ms, around_robot, is_ahead_key, is_around_key
 from coordinator.log.records import Log
 from coordinator.plan import plan_file
 from coordinator.plan.document import PlanDocument, Proof
@@ -67,6 +67,8 @@ def prove_log(log: Log, scenario: Scenario | None = None, before: Sequence[Log] 
     unknown, processes = set[int](), Processes()
     for one in logs:
         unknown |= take_messages(one, granted, processes)
+        for epoch in granted.values():
+            epoch.lose_sight(_said_ahead(one))  # Its last Commands may not be in it.
     epochs = [
         EpochProof(number, proofs[number], found.commands, found.failures, found.courses)
         for number, found in granted.items()
@@ -118,6 +120,12 @@ def take_messages(
             elif message.phase == GO:
                 unknown.add(message.epoch)
     return unknown
+
+
+def _said_ahead(log: Log) -> int:
+    """Return the plan time [ms] up to which robots may have been told to drive; 0 if none."""
+    said = [ahead_ms(one.payload) for one in log.records if is_ahead_key(one.key)]
+    return (said[-1] or 0) if said else 0
 
 
 class _Asked(NamedTuple):

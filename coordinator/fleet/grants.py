@@ -11,7 +11,7 @@ know: phases, when a Command is sent.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -234,6 +234,15 @@ class Grants:
             self._rule.reach(coming.slot, EVER)
             self._rule.barred[coming.slot] = True
 
+    def was_given_up(self, courses: Iterable[Course]) -> bool:
+        """Return whether a robot was given up on one of these courses, and still is."""
+        now = [
+            (one.driven, self._courses[one.driven.id].now.course)
+            for one in courses
+            if one.driven.id in self.given_up
+        ]
+        return any(course is not None and course.driven is driven for driven, course in now)
+
     def is_over(self, robot: str) -> bool:
         """Return whether a robot was given up on its course, and on one sent to it since then."""
         coming = self._courses[robot].next
@@ -319,8 +328,10 @@ class Grants:
         if sent.course is None or known_ms >= told_ms:
             return told_ms
         line, passed_ms = sent.course.driven.timeline, int(self._rule.progress[sent.slot])
-        left = abs(line.s_at(known_ms / 1000.0) - line.s_at(passed_ms / 1000.0))
-        return min(max(known_ms, passed_ms), told_ms) if left <= _STANDS else told_ms
+        reported_ms = (passed_ms, known_ms, passed_ms + LATE_STEP_MS)  # It may have passed more.
+        least, end, most = (line.s_at(ms / 1000.0) for ms in reported_ms)
+        stands = least - _STANDS <= end <= most + _STANDS
+        return min(max(known_ms, passed_ms), told_ms) if stands else told_ms
 
     def _known_ms(self, robot: str) -> int:
         """Return how far [ms] a robot is known to have been told to drive."""

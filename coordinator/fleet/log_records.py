@@ -191,6 +191,14 @@ def ahead_record(until_ms: int) -> bytes:
     return msgspec.msgpack.encode(until_ms)
 
 
+def ahead_ms(payload: bytes) -> int | None:
+    """Decode a plan time [ms]; return None if the bytes do not encode one."""
+    try:
+        return msgspec.msgpack.decode(payload, type=int)
+    except _UNREADABLE:
+        return None
+
+
 def told_key(fleet: str) -> str:
     """Return the key of a fleet's `told` records."""
     return f"coordinator/{fleet}/told"

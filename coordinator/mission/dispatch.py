@@ -244,7 +244,7 @@ class Dispatcher:
     def commit(self, request: CourseRequest, answer: Answer, now_ns: int) -> Robot | None:
         """Put an answer into effect; return the robot with its new goal if it gets a course."""
         asked = self.searches.take(request)
-        if asked is None:
+        if asked is None or request.robot not in self._fleet.members:  # It has left.
             return None
         robot = self._commit(request, asked, answer, now_ns)
         if robot is None and asked.leaves:
@@ -274,8 +274,8 @@ class Dispatcher:
             return None
         since = self.searches.committed_since(asked)
         proposal = among_further(proposal, since, asked.site.terms)
-        if proposal is None:
-            return None
+        if proposal is None or fleet.grants.was_given_up(proposal.near):
+            return None  # It is looked for again, around who was given up meanwhile.
         if not self.obstructions.take_course(request.robot, request.revision, asked.closed):
             return None
         if not fleet.grants.commit(

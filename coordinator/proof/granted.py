@@ -76,6 +76,9 @@ class Granted:
         self._now = dict(zip(self._robots, self._courses.values(), strict=True))
         self._next: dict[str, _Known] = {}
         self._granted = np.zeros(2 * count)
+        self._unseen = np.zeros(2 * count)
+        """What may have been granted by coordinators that died, and is in no log."""
+
         self._passed = np.zeros(2 * count)
         self._at_goal = np.zeros(2 * count, bool)
         self._newest = count - 1
@@ -166,6 +169,7 @@ class Granted:
         # There, or as far as it was let drive on the same way, it may be without being let drive.
         may_be = plan.begin_ms if now is None else min(self._granted[now.slot], shared_ms)
         self._granted[slot] = max(self._ahead.pop(plan.number, 0), plan.begin_ms, may_be)
+        self._unseen[slot] = 0.0 if now is None else min(self._unseen[now.slot], shared_ms)
         self._at_goal[slot] = False
         passed = plan.begin_ms if now is None else self._passed[now.slot]
         self._passed[slot] = min(passed, shared_ms)
@@ -174,8 +178,8 @@ class Granted:
         """Make room for the courses of a robot that joins; return the first of its slots."""
         first = len(self._names)
         self._names += [robot, robot]
-        self._granted, self._passed = (
-            np.append(one, np.zeros(2)) for one in (self._granted, self._passed)
+        self._granted, self._unseen, self._passed = (
+            np.append(one, np.zeros(2)) for one in (self._granted, self._unseen, self._passed)
         )
         self._at_goal = np.append(self._at_goal, [False, False])
         return first
@@ -186,7 +190,7 @@ class Granted:
         return slots[0] if slots else -1
 
     def take_report(self, robot: str, report: Report) -> None:
-        """Take in a robot's progress; it counts no further than what the robot was granted.
+        """Take in a robot's progress; it counts no further than what it may have been granted.
 
         A robot at its goal has passed all plan times, and no Command lets it drive on.
         """
@@ -203,7 +207,7 @@ class Granted:
             self._passed[slot], self._at_goal[slot] = np.inf, True
         elif report.stamp_ms is not None:
             passed = report.stamp_ms - LATE_STEP_MS * report.late
-            passed = min(passed, int(self._granted[slot]))
+            passed = min(passed, int(max(self._granted[slot], self._unseen[slot])))
             self._passed[slot] = max(self._passed[slot], passed)
         coming = self._next.get(robot)
         if coming is not None:
@@ -227,6 +231,12 @@ class Granted:
         self._passed[old.slot], self._at_goal[old.slot] = np.inf, True
         self._ended.pop(old.slot, None)
         self._passed[coming.slot] = max(self._passed[coming.slot], coming.begin_ms)
+
+    def lose_sight(self, until_ms: int) -> None:
+        """Take in that a log ends, and may lack Commands that granted up to a plan time."""
+        for one in (*self._now.values(), *self._next.values()):
+            if one.slot not in self._ended:
+                self._unseen[one.slot] = max(self._unseen[one.slot], until_ms)
 
     def end_grants(self, robot: str) -> tuple[float, float]:
         """Take in that a robot is granted nothing more on its course, because others go around it.

@@ -256,6 +256,7 @@ int64_t sf_plan_time_ms(const sf_agent *agent, const sf_course *ride) {
 }
 
 static void try_to_arm(sf_agent *agent, sf_course *ride) {
+    sf_locate(ride, &agent->pose); /* If it fails before it sets out, it rests there. */
     agent->fault = sf_fault_at_start(ride, &agent->pose);
     agent->drive_turn = ride->turn;
     if (agent->fault || ride->turns) return;

@@ -368,6 +368,7 @@ class Agent:
 
     def _try_to_arm(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> None:
         """Arm at the start, as soon as the time is known well enough or for CLOCK_PATIENCE not."""
+        ride.follower.locate(x, y, heading)  # If it fails before it sets out, it rests there.
         stands, self.fault, self.drive_turn = ride.stands_at_start(x, y, heading)
         if not stands:
             return

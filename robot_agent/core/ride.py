@@ -195,7 +195,7 @@ class Ride:
     def rests_where(self, coming: "Ride") -> bool:
         """Return whether a robot that has stopped stands where another course begins, at rest."""
         mine = self.follower
-        x, y, heading = mine.pose()  # Not finite for a robot that never set out.
+        x, y, heading = mine.pose()  # Not finite for a robot that never armed.
         if not coming.begins_at_rest() or not mine.off < inf or not x < inf:
             return False
         return coming.follower.turn_at_start(x, y, heading)[0] <= TURN_SHARE * coming.track

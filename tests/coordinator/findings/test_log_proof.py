@@ -171,6 +171,20 @@ def test_a_report_that_claims_more_than_was_granted_counts_no_further(plan):
     assert granted.failures
 
 
+def test_what_a_coordinator_that_died_may_have_granted_counts_as_far_as_the_log_says(plan):
+    """The log said ahead that robots may be told to drive up to 5 s, and lacks the last Commands."""
+    names = [robot.id for robot in plan.document.robots]
+    found = []
+    for may_have_ms in (0, 5_000):
+        granted = Granted(plan)
+        granted.take_command(go(1, 1_000))
+        granted.lose_sight(may_have_ms)
+        for robot in names:
+            granted.take_report(robot, Report(1, 1, 1, 2, stamp_ms=10**6))
+        found.append(granted._passed[: len(names)].tolist())
+    assert found == [[1_000.0] * len(names), [5_000.0] * len(names)]
+
+
 def test_a_number_given_twice_is_found(log_path):
     def twice(message):
         return msgspec.structs.replace(message, number=0) if isinstance(message, Plan) else None

@@ -208,12 +208,22 @@ def test_another_coordinator_told_one_that_was_given_up_nothing_more():
     assert grants.spans("R2") == [(0, 0, 7_000)]
 
 
-@pytest.mark.parametrize(("passed", "may_have_more"), [(500, False), (990, True), (2_000, False)])
+@pytest.mark.parametrize(
+    ("speed", "passed", "may_have_more"),
+    [
+        (0.5, 500, False),
+        (0.5, 990, True),
+        (0.5, 2_000, False),
+        (1.5, 900, False),
+        (1.5, 960, True),  # 60 mm: a lateness is stated in steps of 50 ms, and these are 75 mm.
+        (1.5, 1_040, False),
+    ],
+)
 def test_one_that_stands_where_its_known_authority_ends_seems_to_have_no_more(
-    passed, may_have_more
+    speed, passed, may_have_more
 ):
-    """R1 drives 0.5 m/s: 10 ms are 5 mm, and it was told 1,000 ms, as far as is known."""
-    line = Timeline([0.0, 5.0], [0.5, 0.5], [], [])
+    """R1 was told 1,000 ms, as far as is known."""
+    line = Timeline([0.0, 10.0 * speed], [speed, speed], [], [])
     course = SimpleNamespace(driven=SimpleNamespace(timeline=line))
     grants = Grants(staircases(), ["R1"], HEADROOM, (course,))
     state(grants, 0)

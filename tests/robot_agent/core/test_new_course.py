@@ -357,6 +357,18 @@ def test_a_robot_that_stopped_by_a_fault_goes_on_on_a_course_from_where_it_stand
     assert math.dist(run.places[-1], place_at(path, Timeline(*motion).length)) < 5e-3
 
 
+def test_a_robot_that_fails_before_it_sets_out_goes_on_on_a_course_from_where_it_stands():
+    run = armed_run(LINE, motion_along(Curve(*LINE).length, SPEED, ACCEL), body=body())
+    run.agent.hear_driver_error(run.own(run.now))
+    assert run.agent.phase == FROZEN
+    run.command(GO)
+    run.until(run.start_ns + SECOND)
+    path, motion = course_from_here(run)
+    give_plan(run.agent, path, motion, revision=1)
+    go_on(run, 0.5)
+    assert (run.agent.phase, run.agent.revision, run.agent.fault) == (MOVING, 1, 0)
+
+
 def test_a_robot_that_has_stopped_takes_no_course_that_begins_elsewhere():
     run = stopped_run()
     path, motion = course_from_here(run, aside=0.1)
@@ -381,11 +393,3 @@ def test_a_robot_pushed_away_from_where_its_next_course_begins_stays_there():
     run.body.place(x, y + 0.1, heading)
     go_on(run, 2.0)
     assert (run.agent.phase, run.agent.revision) == (FROZEN, 0)
-
-
-def test_a_robot_that_froze_before_it_set_out_takes_no_course_from_where_it_stands():
-    run = armed_run(LINE, motion_along(Curve(*LINE).length, SPEED, ACCEL), body=body())
-    run.command(FREEZE)
-    assert run.agent.phase == FROZEN
-    give_line(run, begin=2.0, x=1.0, v0=0.0)
-    assert (run.agent.phase, run.agent.holds) == (FROZEN, 0)

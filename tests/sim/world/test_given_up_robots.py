@@ -278,6 +278,21 @@ def test_a_robot_that_leaves_while_another_looks_for_a_way_past_it_is_no_trouble
     assert states(world)["a"] == ORDER_DONE
 
 
+def test_a_robot_that_leaves_while_a_course_is_looked_for_gets_none(tmp_path):
+    robots = [idle("R1", (6.0, 4.0)), idle("R2", (1.0, 4.0))]
+    world, logs = a_fleet(tmp_path, robots, planning_ns=1_500_000_000)
+    say = operator(world)
+    world.run(4.0)
+    say(Said(9, "a", (10.0, 4.0), robot="R1", now=True))
+    while not world.mission.dispatcher.searches.has("R1"):
+        world.step()
+    say(Leave(9, "R1"))
+    world.run(10.0)
+    logs.close()
+    assert "R1" not in world.fleet.members
+    assert_sound(world, logs)
+
+
 def test_a_program_that_is_not_admitted_gets_no_course_though_its_silence_is_excused(tmp_path):
     """The coordinator was away: robots have some seconds to be heard again."""
     world, logs = a_fleet(tmp_path, [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 7.0))])
@@ -299,3 +314,23 @@ def test_a_program_that_is_not_admitted_gets_no_course_though_its_silence_is_exc
     assert nobody_touches(world)
     log = read_log(logs.paths[-1])
     assert (check_log(log).difference, prove_log(log, before=logs_before(log)).holds) == ("", True)
+
+
+def test_no_course_is_committed_through_a_robot_given_up_while_it_was_looked_for(tmp_path):
+    orders = (Order(id="far", goal=(12.0, 4.0), robot="R1", release=1.0),)
+    robots = [idle("R1", (1.0, 4.0)), idle("R2", (7.0, 1.0))]
+    world, logs = a_fleet(tmp_path, robots, orders, planning_ns=9_000_000_000)
+    say = operator(world)
+    world.run(10.5)
+    say(Said(9, "across", (7.0, 7.0), robot="R2"))
+    while not world.mission.dispatcher.searches.has("R2"):
+        world.step()
+    world.strike(Fault("driver-error", "R1", 1.0, 0.0))
+    while "R1" not in world.fleet.grants.given_up:
+        world.step()
+    assert world.mission.dispatcher.searches.has("R2")
+    assert abs(world.robots["R1"].body.x - 7.0) < 1.0
+    world.run(60.0)
+    logs.close()
+    assert states(world)["across"] == ORDER_DONE
+    assert_sound(world, logs)
