@@ -172,7 +172,7 @@ def test_a_report_that_claims_more_than_was_granted_counts_no_further(plan):
 
 
 def test_what_a_coordinator_that_died_may_have_granted_counts_as_far_as_the_log_says(plan):
-    """The log said ahead that robots may be told to drive up to 5 s, and lacks the last Commands."""
+    """The log said ahead that robots may be told to drive up to 5 s; its last Commands are lost."""
     names = [robot.id for robot in plan.document.robots]
     found = []
     for may_have_ms in (0, 5_000):
