@@ -15,6 +15,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from random import Random
 from typing import Final, Literal, NamedTuple, TypeAlias
 
+import numpy as np
+
 from coordinator.fleet.member import Member
 from coordinator.scenario.checks import find_problems
 from coordinator.scenario.model import Robot, Scenario, Workspace, usual_turn_rate
@@ -28,7 +30,8 @@ _SIZES: Final = ((14.0, 8.0), (9.0, 6.0), (12.0, 4.0), (8.0, 8.0))
 _EDGE: Final = 0.7
 """Robots are wanted, and stand, no nearer than this [m] to the walls."""
 _APART: Final = 2.5
-"""A robot is carried to a place this far [m] from others, which have time to hear of it."""
+"""A robot is carried to a place this far [m] from others, and from where these were let drive: they
+have time to hear of it."""
 _MOST: Final = {"cut": 20.0, "stall": 30.0, "hang": 12.0, "slow": 0.9}
 """Longer [s] than other campaigns draw them: robots are lost, and given up, meanwhile.  A robot
 that keeps less than a tenth of its speed is as good as one that stands."""
@@ -331,7 +334,9 @@ class Adversary:
         """
         dice, pose = self._dice, self._pose()
         others = [name for name in self._robots if name != robot]
-        is_near = any(math.dist(pose[:2], self._place(name)) < _APART for name in others)
+        is_near = any(
+            math.dist(pose[:2], place) < _APART for name in others for place in self._bounds(name)
+        )
         if is_near or self._is_unheard(robot):
             return
         self._coming = [one for one in self._coming if not isinstance(one[2], Fault)]
@@ -361,6 +366,16 @@ class Adversary:
         """Return where a robot truly is [m]."""
         body = self._world.robots[robot].body
         return body.x, body.y
+
+    def _bounds(self, robot: str) -> Iterator[_Place]:
+        """Yield where a robot truly is [m], and the ends of what it was let drive."""
+        yield self._place(robot)
+        mine, spans = self._world.fleet.grants.of(robot), self._world.fleet.spans(robot)
+        for one, span in zip(mine or (), spans, strict=False):
+            if one.course is not None:
+                ride = one.course.driven
+                end = float(ride.timeline.s_at(span.until_ms / 1000.0))
+                yield tuple(ride.curve.at_arc(np.array([end]))[0].tolist())
 
     def _spot(self) -> _Place:
         return _spot(self._dice, *self._size)
