@@ -79,7 +79,7 @@ class Door:
         if member is None:
             return self._deny(robot, boot, self._unknown(robot), now_ns)
         admission = member.admission
-        is_heard = member.boot is not None and not member.is_silent(now_ns)
+        is_heard = member.boot is not None and member.is_heard(now_ns)
         if is_heard or admission.hello is None or admission.hello.boot == member.boot:
             return self._admit_again(member, boot, is_heard, now_ns)
         if member.is_under_way(now_ns):
@@ -177,7 +177,7 @@ class Door:
         if not begun and (overload := Capacity.of(hello).objection(member.plan)):
             return f"{robot} {overload}"
         has_place = begun or member.sequence >= 0
-        if has_place and member.boot not in (None, hello.boot) and not member.is_silent(now_ns):
+        if has_place and member.boot not in (None, hello.boot) and member.is_heard(now_ns):
             return f"another {robot} is already in fleet {self._fleet}"
         return ""
 

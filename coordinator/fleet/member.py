@@ -141,11 +141,17 @@ class Member:
         if hello.boot == self.boot:
             return
         self.boot, self.sequence, self.epoch, self.phase, self.fault = hello.boot, -1, 0, IDLE, 0
-        self.is_new = False
+        if self.is_new:
+            self.is_new, self.excused_ns = False, now_ns  # It was given time to be started.
         self.driven = self.holds = 0
         self.capacity = Capacity.of(hello)
         self.overload = self.capacity.objection(self.plan)
         self.plan_sent_ns = self.done_ns = None
+
+    def await_start(self, until_ns: int) -> None:
+        """Give a robot that joins time for its program to be started, if it is not there yet."""
+        if self.is_new:
+            self.excused_ns = until_ns
 
     def set_out(self, epoch: int) -> None:
         """Record that the robot is sent on its way, which makes its place of rest obsolete."""
@@ -236,6 +242,8 @@ class Member:
         if self.is_silent(now_ns):
             self.excused_ns = max(self.excused_ns, now_ns)
         self.heard_ns = now_ns
+        if self._has_another_program and not self.admission.is_at_door(self.timeout_ns, now_ns):
+            self.admission.hello = None  # It is there no more.
         self.sequence, self.lost, self.gone = report.sequence, False, False
         if self.phase == DONE and report.phase in (BRAKING, FROZEN):
             self.finished, self.done_ns = False, None  # It was pushed off its goal.
@@ -267,8 +275,12 @@ class Member:
         """Whether the robot has fewer than STRIKES strikes, so that it may drive again."""
         return len(self.struck) < STRIKES
 
+    def is_heard(self, now_ns: int) -> bool:
+        """Return whether the robot's link is there and it has not been silent for too long."""
+        return not self.gone and now_ns - self.heard_ns <= self.timeout_ns
+
     def is_silent(self, now_ns: int) -> bool:
-        """Return whether the robot has been silent for too long or its link is gone."""
+        """Return whether the robot has lost its link, or is not heard and has no excuse for that."""
         return self.gone or now_ns - max(self.heard_ns, self.excused_ns) > self.timeout_ns
 
     def is_under_way(self, now_ns: int) -> bool:
@@ -291,8 +303,7 @@ class Member:
 
     def is_armed(self, epoch: int, now_ns: int) -> bool:
         """Return whether the robot is armed with this epoch's plan, and is heard."""
-        is_heard = not self.gone and now_ns - self.heard_ns <= self.timeout_ns
-        return self.phase == ARMED and self.epoch == epoch and is_heard
+        return self.phase == ARMED and self.epoch == epoch and self.is_heard(now_ns)
 
     def has_stopped(self, epoch: int) -> bool:
         """Return whether the robot has given up its timetable of this epoch.

@@ -22,7 +22,7 @@ from coordinator.proof.limits import limit_failures
 from coordinator.proof.motion_pieces import Part
 from coordinator.proof.precedence import staircase_failures
 from coordinator.proof.shared_course import shared_until
-from coordinator.proof.tau_safety import clearances, prove_separation
+from coordinator.proof.tau_safety import clearances, separation_failures
 from coordinator.scenario.margin import TOLERANCE
 
 
@@ -63,6 +63,6 @@ def _too_near(
     for which, asked in parts:
         driven = [courses[k].driven for k in which]
         part = Part([(courses[k].since, math.inf) for k in which], asked)
-        failures += prove_separation(driven, tau, margin, part).failures
+        failures += separation_failures(driven, tau, margin, part)
         failures += staircase_failures(driven, table.among(which), margin, part)
     return failures

@@ -255,11 +255,14 @@ class Searches:
         return request
 
     def _soon_ms(self, now_ns: int) -> int:
-        """Return the plan time [ms] at which a course that is asked for now can begin."""
+        """Return the plan time [ms] at which a course that is asked for now can begin.
+
+        Not before 0: an authority of 0 has to grant nothing on it.
+        """
         whole, fleet = self._obstructions.site, self._fleet
         tau_ms = 0 if whole is None else round(1000.0 * whole.terms.tau)
         wait_ms = max(fleet.grants.headroom_ms - tau_ms, 0)
-        return fleet.times.plan_ms(now_ns) + _LEAD_MS + wait_ms
+        return max(fleet.times.plan_ms(now_ns) + _LEAD_MS + wait_ms, 0)
 
     def is_time_for(self, robot: str, now_ns: int) -> bool:
         """Return whether to look for the course that a robot drives after the one in force.
@@ -297,7 +300,7 @@ class Searches:
         grants = self._fleet.grants
         mine, told_ms = grants.of(robot), grants.told_ms(robot)
         assert mine is not None
-        begin_ms = now_ms + _LEAD_MS
+        begin_ms = max(now_ms + _LEAD_MS, 0)
         leave_ms = max(begin_ms + grants.headroom_ms, told_ms)
         leave_ms = -(-leave_ms // _GRID_MS) * _GRID_MS
         is_held = told_ms < now_ms + grants.headroom_ms - _HELD_MS or robot in grants.given_up

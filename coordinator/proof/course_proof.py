@@ -20,7 +20,7 @@ from coordinator.proof.limits import limit_failures
 from coordinator.proof.motion_pieces import Part
 from coordinator.proof.precedence import staircase_failures
 from coordinator.proof.shared_course import shared_until
-from coordinator.proof.tau_safety import Gap, clearances, prove_separation
+from coordinator.proof.tau_safety import Gap, clearances, separation_failures
 from coordinator.scenario.margin import TOLERANCE
 
 
@@ -56,7 +56,7 @@ def pair_failures(courses: Sequence[Course], staircases: Staircases, margin: flo
         return []
     driven = [one.driven for one in courses]
     part = Part([(one.since, one.until) for one in courses], [k == 0 for k in range(len(courses))])
-    failures = list(prove_separation(driven, staircases.tau_ms / 1000.0, margin, part).failures)
+    failures = separation_failures(driven, staircases.tau_ms / 1000.0, margin, part)
     return failures + staircase_failures(driven, staircases, margin, part)
 
 

@@ -133,16 +133,22 @@ class Apart(NamedTuple):
     failures: list[str]
 
 
-def prove_separation(
-    driven: Sequence[Driven], tau: float, margin: float, part: Part | None = None
-) -> Apart:
-    """Prove that all pairs keep r_i + r_j + margin [m] at times no more than tau [s] apart.
+def separation_failures(
+    driven: Sequence[Driven], tau: float, margin: float, part: Part
+) -> list[str]:
+    """Return a sentence for each pair that comes too near in a part of a fleet's motions.
 
-    `part`: which motions are compared, and when; by default all of them.
+    The need and tau are those of `prove_separation`.
     """
+    keep = np.array([one.radius for one in driven]) + 0.5 * margin
+    return _say_failing(Separation(driven, tau, part).below(keep, -TOLERANCE), driven, keep)
+
+
+def prove_separation(driven: Sequence[Driven], tau: float, margin: float) -> Apart:
+    """Prove that all pairs keep r_i + r_j + margin [m] at times no more than tau [s] apart."""
     radii = np.array([one.radius for one in driven])
     keep = radii + 0.5 * margin
-    fleet = Separation(driven, tau, part)
+    fleet = Separation(driven, tau)
     tightest = fleet.least(keep)
     if tightest is None:
         return Apart(None, None, "", [])

@@ -10,7 +10,7 @@ from coordinator.log.log_file import logs_before, read_log
 from coordinator.scenario.model import Order
 from coordinator.schedule.authority import EVER
 from coordinator.service.replay import check_log
-from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, Block, Leave, Unblock
+from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, Block, Join, Leave, Unblock
 from protocol.messages import Order as Said
 from protocol.timing import SECOND
 from sim.judging.judge import least_separation
@@ -314,6 +314,50 @@ def test_a_program_that_is_not_admitted_gets_no_course_though_its_silence_is_exc
     assert nobody_touches(world)
     log = read_log(logs.paths[-1])
     assert (check_log(log).difference, prove_log(log, before=logs_before(log)).holds) == ("", True)
+
+
+def test_a_program_that_comes_while_silence_is_excused_gets_no_course_either(tmp_path):
+    world, logs = a_fleet(tmp_path, [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 7.0))])
+    say = operator(world)
+    world.run(4.0)
+    world.strike(Fault("kill", "R1", 1.0, 0.0))
+    world.strike(Fault("coordinator-restart", "", 1.0, 1.0))
+    world.run(1.2)
+    world.renew("R1", 78, world.robots["R1"].body.true_pose())
+    say(Said(9, "a", (8.0, 1.0), robot="R1"))
+    world.run(3.0)
+    assert world.robots["R1"].service.agent.ride is None
+    world.run(5.0)
+    admit(world, "R1")
+    world.run(20.0)
+    logs.close()
+    assert states(world)["a"] == ORDER_DONE
+    assert nobody_touches(world)
+    log = read_log(logs.paths[-1])
+    assert (check_log(log).difference, prove_log(log, before=logs_before(log)).holds) == ("", True)
+
+
+def test_a_robot_that_joined_and_is_started_anew_waits_until_it_is_admitted(tmp_path):
+    robots = [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 7.0))]
+    world, logs = a_fleet(tmp_path, robots)
+    say = operator(world)
+    world.run(4.0)
+    say(Join(9, "R3", (6.0, 4.0, 0.0), 0.2, 0.8, 0.8))
+    world.run(2.0)
+    world.add("R3", 0.2, 0.8, 31)
+    world.robots["R3"].body.place(6.0, 4.0, 0.0)
+    world.run(3.0)
+    world.strike(Fault("kill", "R3", 1.0, 0.0))
+    world.run(0.5)
+    world.renew("R3", 78, world.robots["R3"].body.true_pose())
+    say(Said(9, "a", (8.0, 1.0), robot="R3"))
+    world.run(4.0)
+    assert world.robots["R3"].service.agent.ride is None
+    admit(world, "R3")
+    world.run(20.0)
+    logs.close()
+    assert states(world)["a"] == ORDER_DONE
+    assert_sound(world, logs)
 
 
 def test_no_course_is_committed_through_a_robot_given_up_while_it_was_looked_for(tmp_path):
