@@ -109,7 +109,7 @@ class Trial:
         self._coming = None if script is None else list(script)
         self._adversary = Adversary(dice, self.world, self.scenario)
         self._session = self.world._network.session("operator")
-        self._joins: dict[str, Join] = {}
+        self._joins: set[str] = set()
 
     @property
     def now(self) -> float:
@@ -164,7 +164,7 @@ class Trial:
             door.put(keys.admit(world.fleet.name, act.robot), encode(Admit(boot)))
         else:
             if isinstance(act, Join):
-                self._joins[act.robot] = act
+                self._joins.add(act.robot)
             self._say(act)
 
     def _say(self, message: Message) -> None:
@@ -187,14 +187,16 @@ class Trial:
             if robot not in fleet.members and self._is_there(robot):
                 self.world.strike(Fault("kill", robot, self.now))
                 self._take_away(robot, self.now - STEP)
-        for robot, join in list(self._joins.items()):
+        for robot in list(self._joins):
             task = fleet.orders.tasks.get(f"join-{robot}")
             if task is not None and task.state in (REFUSED, CANCELLED):
-                del self._joins[robot]
+                self._joins.remove(robot)
             elif task is not None and task.state in (UNDER_WAY, ORDER_DONE):
-                del self._joins[robot]
-                if robot in fleet.members and not self._is_there(robot):
-                    self._put(robot, join.place)
+                self._joins.remove(robot)
+                is_in = robot in fleet.members and not self._is_there(robot)
+                if is_in and task.joins is not None:
+                    x, y, *heading = task.joins.start
+                    self._put(robot, (x, y, heading[0]))
 
     def _is_there(self, robot: str) -> bool:
         return self.stays[robot][-1][1] == math.inf

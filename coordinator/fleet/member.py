@@ -280,7 +280,7 @@ class Member:
         return not self.gone and now_ns - self.heard_ns <= self.timeout_ns
 
     def is_silent(self, now_ns: int) -> bool:
-        """Return whether the robot has lost its link, or is not heard and has no excuse for that."""
+        """Return whether the robot has lost its link, or is not heard and has no excuse."""
         return self.gone or now_ns - max(self.heard_ns, self.excused_ns) > self.timeout_ns
 
     def is_under_way(self, now_ns: int) -> bool:
