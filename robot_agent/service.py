@@ -7,6 +7,7 @@ has its own shell around the same core.
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -141,6 +142,8 @@ def run_robot(
 
         rescues = (lambda _: driver.stop(), lambda error: service.rescue(error, clock()))
         loop = FixedRateLoop(tick, rescues, clock, sleep, period_ns)
+        gc.collect()
+        gc.freeze()  # What is there by now stays: to look through it takes longer than a tick.
         try:
             loop.run()
         except KeyboardInterrupt:

@@ -122,9 +122,11 @@ def open_mesh(finder: Pathfinder, robot: Robot, pitch: float) -> Mesh:
     x, y = (low + 0.5 * ((high - low) - size * (np.array((columns, rows)) - 1))).tolist()
     row, column = np.divmod(np.arange(columns * rows), columns)
     middles = np.column_stack((x + size * column, y + size * row))
-    room = finder.floor.distance(middles) - reach
     codes = np.full((columns * rows, 2 * HALF), CLOSED, dtype=np.int32)
     space = finder.space(robot)
+    far = reach + size * float(np.hypot(*MOVES[:HALF].T).max()) + 1e-5  # From there all is clear.
+    is_open = finder.floor.are_open(middles)
+    room = np.where(is_open, space.ground.gaps(middles, far), 0.0) - reach
     for k in range(HALF):
         dx, dy = MOVES[k].tolist()
         ok = (column + dx >= 0) & (column + dx < columns) & (row + dy < rows)

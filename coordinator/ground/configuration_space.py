@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from coordinator.curves.nurbs import Array
-from coordinator.ground.distance_kernels import Solid, keeping
+from coordinator.ground.distance_kernels import Solid, gaps, keeping
 from coordinator.ground.grid_kernels import Frame, Grid, cells_of
 from coordinator.ground.growth import TURN_STEP, Indices, Rings, grow
 from coordinator.ground.shortest_way_kernels import search
@@ -105,6 +105,11 @@ class Ground:
         corners = self.rings.corners
         edges = np.concatenate((corners, corners[self.rings.following]), axis=1)
         return edges, cells_of(edges, self.reach + _MOST_SAGITTA, self.frame)
+
+    def gaps(self, places: Array, most: float) -> Array:
+        """Return the distances (n,) [m] of places (n, 2) from the nearest edge, up to `most`."""
+        edges, _ = self.solid_edges
+        return gaps(places, edges, cells_of(edges, most, self.frame), most)
 
     def _spared(self, places: Array) -> Indices:
         """Return the corners that have a place between their arc and its tangent polygon.

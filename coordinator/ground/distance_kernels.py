@@ -105,6 +105,32 @@ def keeping(starts: Array, ends: Array, extra: Array, solid: Solid) -> npt.NDArr
 
 
 @compiled
+def gaps(places: Array, edges: Array, grid: Grid, most: float) -> Array:
+    """Return the distances (n,) [m] of places (n, 2) from the nearest edge, up to `most`.
+
+    Each cell of the grid lists the edges that come within `most` of it; all places lie in cells.
+    """
+    first, items, (x0, y0, size, columns, rows) = grid
+    found = np.empty(len(places))
+    for place in range(len(places)):
+        x, y = places[place, 0], places[place, 1]
+        column = min(max(int((x - x0) / size), 0), columns - 1)
+        cell = min(max(int((y - y0) / size), 0), rows - 1) * columns + column
+        least = most
+        for i in range(first[cell], first[cell + 1]):
+            ax, ay, bx, by = segment(edges, items[i])
+            if (
+                min(ax, bx) - x < least
+                and x - max(ax, bx) < least
+                and min(ay, by) - y < least
+                and y - max(ay, by) < least
+            ):
+                least = min(least, point_gap(x, y, ax, ay, bx, by))
+        found[place] = least
+    return found
+
+
+@compiled
 def crossing(way: Array, discs: Array) -> npt.NDArray[np.bool_]:
     """Tell for each leg of a way (n + 1, 2) and each disc (k, 3) whether the leg enters it."""
     found = np.zeros((len(way) - 1, len(discs)), dtype=np.bool_)

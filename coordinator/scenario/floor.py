@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 from shapely import Polygon
 
@@ -48,10 +49,15 @@ class Floor:
 
     def distance(self, points: Array) -> Array:
         """Return the distance [m] from each of the points (n, 2) to anything solid, (n,)."""
+        apart = shapely.distance(self._edges, shapely.points(points))
+        return np.where(self.are_open(points), apart, 0.0)
+
+    def are_open(self, points: Array) -> npt.NDArray[np.bool_]:
+        """Return which of the points (n, 2) [m] are on the floor and in no obstacle, (n,)."""
         places = shapely.points(points)
-        apart = shapely.distance(self._edges, places)
-        apart[self.solid.query(places, predicate="intersects")[0]] = 0.0
-        return np.where(shapely.intersects(self.outline, places), apart, 0.0)
+        found: npt.NDArray[np.bool_] = shapely.intersects(self.outline, places)
+        found[self.solid.query(places, predicate="intersects")[0]] = False
+        return found
 
     def gap(self, line: Array) -> float:
         """Return the distance [m] from a polyline (n, 2) to anything solid; 0 if it enters it.

@@ -6,6 +6,7 @@ Decides: the order of these steps, and that the log is closed whatever happens.
 from __future__ import annotations
 
 import asyncio
+import gc
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -153,6 +154,8 @@ class Coordinator:
                         lambda document: self._keep(document, plan_file, table),
                         link.has_router if place.routed else None,
                     )
+                    gc.collect()
+                    gc.freeze()  # What is there by now stays: to look through it takes 50 ms.
                     arrived = asyncio.run(service.run(patience))
                 self._tell_incidents(fleet)
                 self._summarise(fleet, arrived, service.driver.intake.dropped)
