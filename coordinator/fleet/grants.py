@@ -18,6 +18,7 @@ from typing import Final, NamedTuple
 import msgspec
 import numpy as np
 
+from coordinator.fleet.authority_ends import ROOM, AuthorityEnds
 from coordinator.fleet.sent_courses import Courses, PlainSent, Sent, Span
 from coordinator.fleet.standstills import LATELY_MS, Standstills
 from coordinator.plan.course import Course
@@ -29,15 +30,8 @@ from protocol.messages import MOST_HELD, Report
 from protocol.phases import DONE
 from protocol.timing import LATE_STEP_MS
 
-ROOM: Final = 0.1
-"""Tolerance [m]: a robot beyond the end of its authority by no more than this has not passed it."""
-
 LATE_MS: Final = 1_500
 """A robot that is known to be behind its course by this much is late, and not only its reports."""
-
-_STANDS: Final = 0.02
-"""A robot no farther than this [m] from where its authority ends, as far as is known, stands there.
-"""
 
 _NEAR_MS: Final = LATELY_MS
 """A robot that others let drive on for less than this is near the end of its authority.
@@ -118,17 +112,14 @@ class Grants:
         self._reserved: set[int] = set()
         """Numbers on which nothing is granted: of courses looked for or withdrawn, and
         of robots that were taken out."""
-        self._limits: dict[str, int] = {}
-        """By robot: how far it may drive on the course in force, because of a closed place."""
-
-        self._ends: dict[str, int] = {}
-        """By robot: where [ms] it comes to rest on the course in force, if it was halted there."""
-
-        self.given_up: set[str] = set()
-        """Robots that are granted nothing more on the course in force, for ever."""
-
+        self.ends = AuthorityEnds(self._rule, self._courses)
         self.standstills = Standstills(self._names)
         self._done = np.zeros(2 * count, bool)
+
+    @property
+    def given_up(self) -> set[str]:
+        """Robots that are granted nothing more on the course in force, for ever."""
+        return self.ends.given_up
 
     def plain(self) -> PlainGrants:
         """Return the grants as plain data."""
@@ -154,10 +145,10 @@ class Grants:
             self.standstills.got_on_latest_ms,
             self._next_number,
             sorted(self._reserved),
-            self._limits,
+            self.ends.limits,
             sorted(self.given_up),
             [(slot, *held) for slot, held in self.standstills.by_slot.items()],
-            self._ends,
+            self.ends.halts,
             self.standstills.kept_from,
         )
 
@@ -184,11 +175,9 @@ class Grants:
         still.by_slot = {slot: (by, since) for slot, by, since in told.held}
         made._done = np.frombuffer(told.done, bool).copy()
         made._next_number, made._reserved = told.next_number, set(told.reserved)
-        made._limits = told.limits
-        made.given_up = set(told.given_up)
-        made._ends, still.kept_from = told.ends, told.kept_from
-        for name in made.given_up - made._ends.keys():  # Of logs that do not state it.
-            made._ends[name] = int(made._rule.most[made._courses[name].now.slot])
+        still.kept_from = told.kept_from
+        made.ends = AuthorityEnds(made._rule, made._courses)
+        made.ends.take_over(told.limits, told.ends, set(told.given_up))
         return made
 
     def in_force(self) -> tuple[list[Course], Staircases]:
@@ -224,11 +213,8 @@ class Grants:
 
     def give_up(self, robot: str) -> None:
         """Grant nothing more on a robot's course for ever: others are sent around where it is."""
-        mine = self._courses[robot]
-        self._ends[robot] = int(self._rule.granted[mine.now.slot])
-        self._bound(robot)
-        self.given_up.add(robot)
-        coming = mine.next
+        self.ends.give_up(robot)
+        coming = self._courses[robot].next
         if coming is not None:
             coming.is_withdrawn = True
             self._rule.reach(coming.slot, EVER)
@@ -248,16 +234,6 @@ class Grants:
         coming = self._courses[robot].next
         return robot in self.given_up and (coming is None or coming.is_withdrawn)
 
-    def limit(self, robot: str, most_ms: int) -> None:
-        """Grant a robot never more than this on the course in force, and less if it was halted."""
-        self._limits[robot] = most_ms
-        self._bound(robot)
-
-    def _bound(self, robot: str) -> None:
-        """Grant on a robot's course in force up to its limit, and to where it was halted."""
-        most_ms = min(self.limit_of(robot), self._ends.get(robot, EVER))
-        self._rule.most[self._courses[robot].now.slot] = most_ms
-
     def reserve(self) -> int:
         """Return a number for a course that is being looked for.
 
@@ -270,14 +246,6 @@ class Grants:
     def release(self, number: int) -> None:
         """Give up a number that was reserved."""
         self._reserved.discard(number)
-
-    def is_at_end(self, robot: str) -> bool:
-        """Return whether a robot is known to be where its authority ends, or near it."""
-        sent = self._courses[robot].now
-        if sent.course is None:
-            return False
-        line, passed_ms = sent.course.driven.timeline, int(self._rule.progress[sent.slot])
-        return line.s_at(passed_ms / 1000.0) >= line.s_at(self._end_ms(robot) / 1000.0) - ROOM
 
     def arrival_ms(self, robot: str, now_ms: int) -> int | None:
         """Return the plan time [ms] when a robot will be at the end of the course in force.
@@ -305,63 +273,6 @@ class Grants:
         ends = self._rule.granted + self.headroom_ms
         return [stairs.need_at(pair, float(ends[behind])) for pair, behind in pairs]
 
-    def halt(self, robot: str, at_ms: int = 0) -> int:
-        """Grant a robot nothing more on its course; return where it then comes to rest [ms].
-
-        It is granted as much as `at_ms` if that is more, unless it was given up.
-        """
-        end_ms = self._end_ms(robot)
-        if robot not in self.given_up:
-            end_ms = max(end_ms, at_ms)
-            self._ends[robot] = end_ms
-            self._bound(robot)
-        return end_ms
-
-    def _end_ms(self, robot: str) -> int:
-        """Return where [ms] a robot comes to rest on the course in force with what it was told.
-
-        After a log was gone on from, more may have been told than is known.  A robot that stands
-        where that ends was not, as it seems.  If it was, it takes no course that begins there.
-        """
-        told_ms, known_ms = self.told_ms(robot), self._known_ms(robot)
-        sent = self._courses[robot].now
-        if sent.course is None or known_ms >= told_ms:
-            return told_ms
-        line, passed_ms = sent.course.driven.timeline, int(self._rule.progress[sent.slot])
-        reported_ms = (passed_ms, known_ms, passed_ms + LATE_STEP_MS)  # It may have passed more.
-        least, end, most = (line.s_at(ms / 1000.0) for ms in reported_ms)
-        stands = least - _STANDS <= end <= most + _STANDS
-        return min(max(known_ms, passed_ms), told_ms) if stands else told_ms
-
-    def _known_ms(self, robot: str) -> int:
-        """Return how far [ms] a robot is known to have been told to drive."""
-        sent = self._courses[robot].now
-        return max(int(self._rule.granted[sent.slot]), sent.begin_ms)
-
-    def may_have_more(self, robot: str) -> bool:
-        """Return whether a robot stands where its authority seems to end, and may have more."""
-        return self._end_ms(robot) < self.told_ms(robot)
-
-    def is_end_known(self, robot: str) -> bool:
-        """Return whether it is known where a robot's authority ends, or seems to be."""
-        is_exact = self._known_ms(robot) >= self.told_ms(robot)
-        return is_exact or self.may_have_more(robot)
-
-    def told_ms(self, robot: str) -> int:
-        """Return how far [ms] a robot may have been told to drive on the course in force."""
-        sent = self._courses[robot].now
-        return max(int(self._rule.told[sent.slot]), sent.begin_ms)
-
-    def go_on(self, robot: str) -> None:
-        """Grant again on a robot's course what is safe, unless it was given up or has left."""
-        if robot in self._courses and robot not in self.given_up:
-            self._ends.pop(robot, None)
-            self._bound(robot)
-
-    def limit_of(self, robot: str) -> int:
-        """Return how far a robot may ever drive on the course in force [ms]."""
-        return self._limits.get(robot, EVER)
-
     def commit(
         self,
         number: int,
@@ -383,7 +294,7 @@ class Grants:
         if mine is not None and mine.now.course is not None:
             shared = shared_until(mine.now.course.driven, course.driven)
             shared_ms = max(math.floor(1000.0 * shared + 1e-6), begin_ms)
-            told_ms = max(min(self.told_ms(robot), shared_ms), begin_ms)
+            told_ms = max(min(self.ends.told_ms(robot), shared_ms), begin_ms)
         self._rule.open(slot, min(passed_ms, shared_ms), told_ms)
         mine_only = self._staircases.of(slot)
         fits = self._rule.allows(mine_only)
@@ -438,14 +349,12 @@ class Grants:
         Its courses stay named, with nothing granted: it may be there after all, and hear Commands.
         """
         mine = self._courses.pop(robot, None)
-        self._limits.pop(robot, None)
-        self._ends.pop(robot, None)
         for one in mine or ():
             self._reserved.add(one.number)
             self._rule.arrive(one.slot)
             self._rule.barred[one.slot], self._numbers[one.slot] = True, -1
         self.standstills.remove(robot, [one.slot for one in mine or ()])
-        self.given_up.discard(robot)
+        self.ends.forget(robot)
 
     def _slot(self, course: Course) -> int:
         """Return the slot of a course, or -1 if its robot has left it for a newer one."""
@@ -480,12 +389,11 @@ class Grants:
         old, mine.now, mine.next = mine.now, begun, None
         begun.course = None if begun.course is None else begun.course.begun()
         robot, rule = self._names[begun.slot], self._rule
-        self._limits.pop(robot, None)
+        self.ends.limits.pop(robot, None)
         if begun.is_withdrawn:
             self._take_place(begun, old)
             return
-        self.given_up.discard(robot)
-        self._ends.pop(robot, None)
+        self.ends.forget(robot)
         rule.reach(begun.slot, begun.begin_ms)
         rule.reach(old.slot, EVER)
         rule.part(begun.slot)
@@ -561,7 +469,7 @@ class Grants:
         halted = [one.now.slot for one in self._courses.values() if one.begins_at_rest(now_ms)]
         is_near[halted] &= rule.granted[halted] < rule.most[halted]  # Nobody holds those.
         got_on_ms[is_near] = now_ms
-        for name, limit_ms in self._limits.items():
+        for name, limit_ms in self.ends.limits.items():
             slot = self._courses[name].now.slot
             if rule.granted[slot] >= limit_ms and slot not in halted:
                 got_on_ms[slot] = now_ms  # It stands before a place that is closed.

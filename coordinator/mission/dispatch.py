@@ -201,7 +201,7 @@ class Dispatcher:
         if mine is None or mine.now.revision < task.leaves:
             return False
         at_rest = self.obstructions.rest_of(task.robot) is not None
-        is_known = at_rest or self._fleet.grants.is_end_known(task.robot)
+        is_known = at_rest or self._fleet.grants.ends.is_end_known(task.robot)
         return is_known and self._may_leave(task.robot, now_ns)
 
     def _what_keeps(self, robot: str) -> str:
@@ -248,7 +248,7 @@ class Dispatcher:
             return None
         robot = self._commit(request, asked, answer, now_ns)
         if robot is None and asked.leaves:
-            self._fleet.grants.go_on(request.robot)
+            self._fleet.grants.ends.go_on(request.robot)
         if robot is not None and asked.ways is None:
             known = self.robots[request.robot]
             self.robots[request.robot] = replace(known, goal=robot.goal, via=robot.via)

@@ -242,7 +242,7 @@ class Obstructions:
     def _may_go_on(self, robot: str) -> bool:
         """Return whether a robot that was given up gets another course as soon as there is one."""
         member = self._fleet.members[robot]
-        is_stuck = member.phase == MOVING and not self._fleet.grants.is_at_end(robot)
+        is_stuck = member.phase == MOVING and not self._fleet.grants.ends.is_at_end(robot)
         return member.is_fit and not (member.lost or is_stuck)
 
     def goes_around(self, robot: str) -> bool:
@@ -314,7 +314,7 @@ class Obstructions:
 
     def _has_come_to_rest(self, robot: str) -> bool:
         """Return whether a robot that was given up has stopped, or is where its authority ends."""
-        return self.rest_of(robot) is not None or self._fleet.grants.is_at_end(robot)
+        return self.rest_of(robot) is not None or self._fleet.grants.ends.is_at_end(robot)
 
     def _go_around(self, robot: str, what: str, now_ms: int) -> None:
         """Send a robot around what is in its way, unless no way was found since that changed."""
@@ -366,7 +366,7 @@ class Obstructions:
         if self._closed.keys() - closed.keys():  # One is open again: limits are found anew.
             self._told = {}
             for member in fleet.members.planned:
-                fleet.grants.limit(member.id, EVER)
+                fleet.grants.ends.limit(member.id, EVER)
         self._closed = closed
         for member in fleet.members.planned if closed else ():
             mine = fleet.grants.of(member.id)
@@ -423,7 +423,7 @@ class Obstructions:
             return
         enters = float(arcs[max(int(inside.argmax()) - 1, 0)])
         before_ms = max(math.floor(1000.0 * ride.timeline.time_at(enters)), 0)
-        fleet.grants.limit(member.id, min(before_ms, fleet.grants.limit_of(member.id)))
+        fleet.grants.ends.limit(member.id, min(before_ms, fleet.grants.ends.limit_of(member.id)))
         if self._may_leave(member.id, now_ns):
             self._go_around(member.id, name, now_ms)
 

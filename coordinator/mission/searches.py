@@ -124,7 +124,7 @@ class Searches:
         for request in list(self._asked):
             asked = self.take(request)
             if asked is not None and asked.leaves:
-                self._fleet.grants.go_on(request.robot)
+                self._fleet.grants.ends.go_on(request.robot)
 
     def has(self, robot: str) -> bool:
         """Return whether a course is looked for for a robot."""
@@ -199,12 +199,12 @@ class Searches:
         begin_ms = self._soon_ms(now_ns)
         now_ms = fleet.times.plan_ms(now_ns)
         delay, at_rest = 0.0, self._obstructions.rest_of(robot) if leaves else None
-        stays = leaves and at_rest is None and fleet.grants.may_have_more(robot)
+        stays = leaves and at_rest is None and fleet.grants.ends.may_have_more(robot)
         under_way = None
         if leaves and at_rest is None:
             under_way = None if stays else self._under_way(robot, now_ms)
             leave_ms = 0 if under_way is None else under_way.leave_ms
-            soon_ms, begin_ms = begin_ms, fleet.grants.halt(robot, leave_ms)
+            soon_ms, begin_ms = begin_ms, fleet.grants.ends.halt(robot, leave_ms)
             behind = fleet.grants.late(now_ms).get(robot, 0.0)
             delay = max(behind + self._braking(robot), (soon_ms - begin_ms) / 1000.0)
         if follows:
@@ -284,7 +284,7 @@ class Searches:
         mine, late = grants.of(robot), grants.late(now_ms)
         assert mine is not None
         assert mine.now.course is not None
-        free = 0.001 * grants.told_ms(robot) + self._braking(robot) + 0.001 * _LEAD_MS
+        free = 0.001 * grants.ends.told_ms(robot) + self._braking(robot) + 0.001 * _LEAD_MS
         won = sum(max(0.001 * need - free, 0.0) for need in grants.waited_for_ms(robot))
         if won < _WORTH:
             return 0.0
@@ -298,14 +298,14 @@ class Searches:
         that the robot then has: by when it has to brake, it has been heard to drive the new one.
         """
         grants = self._fleet.grants
-        mine, told_ms = grants.of(robot), grants.told_ms(robot)
+        mine, told_ms = grants.of(robot), grants.ends.told_ms(robot)
         assert mine is not None
         begin_ms = max(now_ms + _LEAD_MS, 0)
         leave_ms = max(begin_ms + grants.headroom_ms, told_ms)
         leave_ms = -(-leave_ms // _GRID_MS) * _GRID_MS
         is_held = told_ms < now_ms + grants.headroom_ms - _HELD_MS or robot in grants.given_up
         at_once = math.isinf(self._robots[robot].max_accel)
-        if mine.now.course is None or is_held or at_once or leave_ms > grants.limit_of(robot):
+        if mine.now.course is None or is_held or at_once or leave_ms > grants.ends.limit_of(robot):
             return None
         found = UnderWay(mine.now.course.driven, begin_ms, leave_ms)
         return found if found.is_possible() else None

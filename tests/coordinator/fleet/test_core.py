@@ -91,10 +91,10 @@ def test_a_silent_robot_that_holds_another_one_for_long_is_given_up_and_nobody_f
     floor = Floor(rule=chain).go()
     passed = time_to_give_up(floor, "R2", "R1", "R3")
     assert SILENT_PATIENCE <= passed <= SILENT_PATIENCE + 5 * SECOND
-    told = floor.fleet.grants.told_ms("R2")
+    told = floor.fleet.grants.ends.told_ms("R2")
     assert_others_drive_on(floor, "R1", "R3")
     assert told_of(floor) == ["R2 has fallen silent", "others go around R2"]
-    assert floor.fleet.grants.told_ms("R2") == told
+    assert floor.fleet.grants.ends.told_ms("R2") == told
     assert [(one.robot, one.by) for one in floor.fleet.held()] == [("R1", "R2")]
 
 

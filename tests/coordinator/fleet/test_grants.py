@@ -98,9 +98,9 @@ def test_a_robot_that_begins_a_course_that_was_withdrawn_still_holds_those_behin
 def test_a_robot_that_was_given_up_is_granted_nothing_more_wherever_it_is_to_leave_its_course():
     grants = Grants(staircases(), ["R1", "R2"], HEADROOM)
     state(grants, 0)
-    assert grants.halt("R1", 1_500) == 1_500
+    assert grants.ends.halt("R1", 1_500) == 1_500
     grants.give_up("R1")
-    assert grants.halt("R1", 2_000) == 1_000
+    assert grants.ends.halt("R1", 2_000) == 1_000
     for now in range(0, 3_000, 100):
         grants.hear("R1", report(now), now)
         stated = state(grants, now)
@@ -112,25 +112,25 @@ def test_a_robot_that_was_given_up_is_granted_nothing_more_whatever_is_closed_or
     state(grants, 0)
     grants.give_up("R1")
     for most_ms in (5_000, EVER):
-        grants.limit("R1", most_ms)
-        grants.go_on("R1")
+        grants.ends.limit("R1", most_ms)
+        grants.ends.go_on("R1")
         for now in range(0, 3_000, 100):
             grants.hear("R1", report(now), now)
             stated = state(grants, now)
         assert (0, 1_000) in stated[1]
     copy = Grants.of_plain(grants.plain())
-    copy.limit("R1", EVER)
+    copy.ends.limit("R1", EVER)
     assert (0, 1_000) in state(copy, 3_000)[1]
 
 
 def test_a_robot_that_is_halted_stays_so_whatever_is_opened_until_it_may_go_on():
     grants = Grants(staircases(), ["R1"], HEADROOM)
     state(grants, 0)
-    grants.halt("R1")
-    grants.limit("R1", EVER)
+    grants.ends.halt("R1")
+    grants.ends.limit("R1", EVER)
     grants.hear("R1", report(1_000), 1_000)
     assert state(grants, 1_000) == (2_000, ((0, 1_000),))
-    grants.go_on("R1")
+    grants.ends.go_on("R1")
     assert state(grants, 1_000) == (2_000, ())
 
 
@@ -227,12 +227,12 @@ def test_one_that_stands_where_its_known_authority_ends_seems_to_have_no_more(
     course = SimpleNamespace(driven=SimpleNamespace(timeline=line))
     grants = Grants(staircases(), ["R1"], HEADROOM, (course,))
     state(grants, 0)
-    assert grants.is_end_known("R1")
-    assert not grants.may_have_more("R1")
+    assert grants.ends.is_end_known("R1")
+    assert not grants.ends.may_have_more("R1")
     grants.lose_sight(7_000)
     grants.hear("R1", report(passed), passed)
-    assert grants.may_have_more("R1") == grants.is_end_known("R1") == may_have_more
-    assert grants.halt("R1") == (1_000 if may_have_more else 7_000)
+    assert grants.ends.may_have_more("R1") == grants.ends.is_end_known("R1") == may_have_more
+    assert grants.ends.halt("R1") == (1_000 if may_have_more else 7_000)
 
 
 @pytest.mark.parametrize(("need_ms", "fits"), [(300, True), (900, False)])

@@ -100,7 +100,7 @@ def test_a_robot_that_hears_of_its_new_course_late_or_never_stops_where_they_par
     place = world.robots["R1"].body.pose()[:2]
     del agent._hear_course
     if seconds > 3.0:
-        told_ms = world.fleet.grants.told_ms("R1")
+        told_ms = world.fleet.grants.ends.told_ms("R1")
         (there,) = old.curve.at_arc([old.timeline.s_at(0.001 * told_ms)])
         assert np.hypot(*(there - place)) < 0.02
     world.run(60.0)
