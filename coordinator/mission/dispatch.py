@@ -170,8 +170,11 @@ class Dispatcher:
         free = [*idle, *self._arriving(now_ns)] if tasks else idle
         for task, robot in self._assigned(tasks, free, now_ns):
             found.append(self._ask(task, robot, now_ns, follows=robot not in idle))
-        urgent = [task for task in tasks if task.is_urgent and self._leaves_for(task, now_ns)]
-        found += [self._ask(task, task.robot, now_ns, leaves=True) for task in urgent]
+        found += (  # One by one: once a robot is asked for, it leaves for no other order.
+            self._ask(task, task.robot, now_ns, leaves=True)
+            for task in tasks
+            if task.is_urgent and self._leaves_for(task, now_ns)
+        )
         return found + self._renewals(now_ns, now_ms)
 
     def _renewals(self, now_ns: int, now_ms: int) -> list[CourseRequest]:
