@@ -163,7 +163,7 @@ class Dispatcher:
             for task in book.waiting()
             if task.order.id not in asked and self._is_due(task, state, now_ms)
         ]
-        self._say_who_is_busy(idle)
+        self._say_who_is_busy(idle, now_ns)
         joins = [task for task in tasks if task.joins is not None]
         tasks = [task for task in tasks if task.joins is None]
         found = [self._ask_join(task, task.joins, now_ns) for task in joins if task.joins]
@@ -204,11 +204,15 @@ class Dispatcher:
         is_known = at_rest or self._fleet.grants.ends.is_end_known(task.robot)
         return is_known and self._may_leave(task.robot, now_ns)
 
-    def _what_keeps(self, robot: str) -> str:
+    def _what_keeps(self, robot: str, now_ns: int) -> str:
         """Return in words why a robot that does no order is not idle."""
         member = self._fleet.members[robot]
+        if member.has_come_back(now_ns):
+            return "is back and waits to be admitted"
         if member.lost:
             return "is lost"
+        if member.is_silent(now_ns):
+            return "is not heard"
         if member.has_stopped(self._fleet.epoch):
             return f"has stopped: {fault_name(member.fault)}"
         return "has not arrived yet" if member.planned else "has no part in this epoch"
@@ -226,7 +230,7 @@ class Dispatcher:
             can_change = drives and not mine.is_changing(member.holds)
         return can_change and not is_asked and not member.is_silent(now_ns)
 
-    def _say_who_is_busy(self, idle: list[str]) -> None:
+    def _say_who_is_busy(self, idle: list[str], now_ns: int) -> None:
         """State the reason for which orders wait that were not looked for yet."""
         book = self._fleet.orders
         does = {one.robot: one.order.id for one in reversed(book.under_way())}
@@ -237,7 +241,7 @@ class Dispatcher:
             if robot in does:
                 task.reason = f"{robot} does {does[robot]} first"
             elif robot and robot not in idle:
-                task.reason = f"{robot} {self._what_keeps(robot)}"
+                task.reason = f"{robot} {self._what_keeps(robot, now_ns)}"
             elif not robot and not idle:
                 task.reason = "no robot is free"
 

@@ -35,7 +35,14 @@ from protocol.phases import OVER
 from sim.judging.blackbox import blackbox_text
 from sim.judging.judge import judge
 from sim.world.run_logs import RunLogs
-from tests.sim.world.test_orders_in_time import a_world, idle, long_hall, operator, states
+from tests.sim.world.test_orders_in_time import (
+    a_world,
+    admit,
+    idle,
+    long_hall,
+    operator,
+    states,
+)
 
 R9 = Join(9, "R9", (10.0, 3.0, 1.0), 0.25, 0.8)
 
@@ -210,6 +217,20 @@ def test_the_order_without_a_name_of_a_lost_robot_that_leaves_is_done_by_another
     world.run(60.0)
     assert (states(world)["any"], states(world)["named"]) == (ORDER_DONE, REFUSED)
     assert world.fleet.orders.tasks["any"].robot == "R1"
+
+
+def test_an_order_for_a_robot_at_rest_says_that_it_is_not_heard_or_not_admitted_yet():
+    world = a_hall(faults=["restart:R2@2:5"])
+    say = operator(world)
+    world.run(4.0)
+    say(Said(9, "there", (9.0, 1.0), robot="R2"))
+    world.run(1.0)
+    assert reasons(world)["there"] == "R2 is not heard"
+    world.run(5.0)
+    assert reasons(world)["there"] == "R2 is back and waits to be admitted"
+    admit(world, "R2")
+    world.run(30.0)
+    assert states(world)["there"] == ORDER_DONE
 
 
 def odd_word(dice, step):
