@@ -31,7 +31,7 @@ from protocol.messages import (
     Unblock,
 )
 from protocol.messages import Order as Said
-from protocol.phases import OVER
+from protocol.phases import GO, OVER
 from sim.judging.blackbox import blackbox_text
 from sim.judging.judge import judge
 from sim.world.run_logs import RunLogs
@@ -156,6 +156,24 @@ def test_a_robot_upon_which_a_place_is_closed_while_it_joins_has_joined():
     say(Said(9, "out", (3.0, 5.0), robot="R9"))
     world.run(40.0)
     assert states(world)["out"] == ORDER_DONE
+
+
+def test_a_robot_that_is_started_again_while_it_is_to_join_joins_and_need_not_be_admitted():
+    """Its course is looked for for 2 s meanwhile."""
+    world = a_hall(planning_ns=12_000_000_000)
+    say = operator(world)
+    world.run(3.0)
+    say(R9)
+    world.add("R9", 0.25, 0.8, 77)
+    world.run(0.3)
+    world.renew("R9", 78, (10.0, 3.0, 1.0))
+    world.run(1.2)
+    assert (states(world)["join-R9"], world.fleet.members["R9"].boot) == (WAITING, 78)
+    admit(world, "R9")
+    world.run(5.0)
+    assert states(world)["join-R9"] == ORDER_DONE
+    assert "R9 joins, and need not be admitted" in [one.text for one in world.fleet.incidents]
+    assert world.fleet.phase == GO
 
 
 def test_a_name_of_32_characters_joins_and_leaves():
