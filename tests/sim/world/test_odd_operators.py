@@ -176,6 +176,37 @@ def test_a_robot_that_is_started_again_while_it_is_to_join_joins_and_need_not_be
     assert world.fleet.phase == GO
 
 
+def test_a_robot_that_does_not_stand_where_it_joins_is_told_so_and_may_leave():
+    world = a_hall()
+    say = operator(world)
+    world.run(3.0)
+    say(R9)
+    world.add("R9", 0.25, 0.8, 77)
+    world.robots["R9"].body.place(10.0, 3.4, 1.0)
+    world.run(30.0)
+    told = [one.text for one in world.fleet.incidents]
+    words = "put it there, or start its program again and admit it"
+    assert f"R9 does not stand at (10.0, 3.0), where its course begins: {words}" in told
+    assert not any("wheels" in text for text in told)
+    say(Leave(9, "R9"))
+    world.run(1.0)
+    assert (states(world)["leave-R9"], "R9" in world.fleet.members) == (ORDER_DONE, False)
+
+
+def test_who_cannot_leave_is_told_what_to_do():
+    world = a_hall()
+    say = operator(world)
+    say(Leave(9, "R1"))
+    world.run(3.0)
+    assert reasons(world)["leave-R1"] == "R1 can leave once the fleet has set out"
+    say(Said(9, "there", (10.0, 3.0), robot="R1"))
+    world.run(2.0)
+    say(Leave(9, "R1"))
+    world.run(0.5)
+    why = "R1 does not rest; if it cannot get on, end its program first"
+    assert reasons(world)["leave-R1"] == why
+
+
 def test_a_name_of_32_characters_joins_and_leaves():
     name, world = 32 * "x", a_hall()
     say = operator(world)
