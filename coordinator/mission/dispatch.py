@@ -325,10 +325,13 @@ class Dispatcher:
         member, mine = fleet.members[robot], fleet.grants.of(robot)
         if member.is_out_of_reach:
             return False  # It would not be sent the course.
-        is_same = mine is not None and mine.newest.revision == request.revision - 1
+        if mine is None or mine.newest.revision != request.revision - 1:
+            return False
+        if mine.newest.number > request.number:
+            return False  # It has left the fleet meanwhile, and joined again.
         if asked.leaves:  # One that has stopped meanwhile goes on from where it then rests.
-            return is_same and member.has_stopped(fleet.epoch) == asked.has_stopped
-        return robot in idle or (asked.follows and is_same and robot in self._arriving(now_ns))
+            return member.has_stopped(fleet.epoch) == asked.has_stopped
+        return robot in idle or (asked.follows and robot in self._arriving(now_ns))
 
     def _not_found(
         self, task: Task, asked: Asked, answer: Answer, idle: list[str], now_ns: int

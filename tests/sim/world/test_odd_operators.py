@@ -35,6 +35,7 @@ from protocol.phases import GO, OVER
 from sim.judging.blackbox import blackbox_text
 from sim.judging.judge import judge
 from sim.world.run_logs import RunLogs
+from sim.world.virtual_service import VirtualService
 from tests.sim.world.test_orders_in_time import (
     a_world,
     admit,
@@ -191,6 +192,31 @@ def test_a_robot_that_does_not_stand_where_it_joins_is_told_so_and_may_leave():
     say(Leave(9, "R9"))
     world.run(1.0)
     assert (states(world)["leave-R9"], "R9" in world.fleet.members) == (ORDER_DONE, False)
+
+
+def test_a_robot_that_leaves_and_joins_again_within_a_search_is_not_sent_what_that_found(
+    monkeypatch,
+):
+    """The search for the order takes 3 s, those for others 50 ms."""
+    times = {"any": 3_000_000_000}
+    monkeypatch.setattr(
+        VirtualService, "_time_of", lambda _, job: times.get(job.wanted.order, 50_000_000)
+    )
+    world = a_hall()
+    say = operator(world)
+    world.run(2.0)
+    say(Said(9, "any", (3.0, 1.0)))
+    world.run(0.3)
+    assert world.mission.dispatcher.searches.has("R1")
+    say(Leave(9, "R1"))
+    world.run(0.2)
+    say(Join(9, "R1", (10.0, 5.0, 0.0), 0.2, 0.8))
+    world.run(0.1)
+    world.renew("R1", 500, (10.0, 5.0, 0.0))
+    world.run(30.0)
+    assert states(world)["any"] == ORDER_DONE
+    assert not world.fleet.grants.given_up
+    assert not any("does not take" in one.text for one in world.fleet.incidents)
 
 
 def test_who_cannot_leave_is_told_what_to_do():
