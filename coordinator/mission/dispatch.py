@@ -263,7 +263,7 @@ class Dispatcher:
     ) -> Robot | None:
         fleet = self._fleet
         task, idle = fleet.orders.tasks[request.order], self._idle(now_ns)
-        can_go = task.joins is not None or self._can_go(request, asked, idle, now_ns)
+        can_go = self._can_go(request, asked, task, idle, now_ns)
         renews = asked.until < math.inf
         does = fleet.orders.of_robot(request.robot)
         is_wanted = task is does if renews else task.state == WAITING
@@ -319,8 +319,12 @@ class Dispatcher:
         member.take_course(plan, request.revision, now_ns)
         return replace(asked.wish.robot, goal=task.order.goal)
 
-    def _can_go(self, request: CourseRequest, asked: Asked, idle: list[str], now_ns: int) -> bool:
-        """Return whether a robot can still go on to a course from the one that it had."""
+    def _can_go(
+        self, request: CourseRequest, asked: Asked, task: Task, idle: list[str], now_ns: int
+    ) -> bool:
+        """Return whether a robot can still join, or go on to a course from the one that it had."""
+        if task.joins is not None:  # That may have been taken back, and asked for elsewhere.
+            return task.joins == asked.wish.robot
         fleet, robot = self._fleet, request.robot
         member, mine = fleet.members[robot], fleet.grants.of(robot)
         if member.is_out_of_reach:

@@ -219,6 +219,21 @@ def test_a_robot_that_leaves_and_joins_again_within_a_search_is_not_sent_what_th
     assert not any("does not take" in one.text for one in world.fleet.incidents)
 
 
+def test_a_join_that_is_cancelled_and_asked_for_elsewhere_within_a_search_is_to_there():
+    world = a_hall(planning_ns=12_000_000_000)
+    say = operator(world)
+    world.run(3.0)
+    say(R9)
+    world.run(0.3)
+    say(Cancel(9, "join-R9"))
+    say(replace(R9, place=(3.0, 5.0, 0.0), radius_m=0.3))
+    world.add("R9", 0.3, 0.8, 77)
+    world.run(8.0)
+    assert states(world)["join-R9"] == ORDER_DONE
+    assert world.mission.dispatcher.searches.place("R9")[0] == pytest.approx((3.0, 5.0), abs=0.01)
+    assert world.fleet.grants.of("R9").now.course.driven.radius == 0.3
+
+
 def test_who_cannot_leave_is_told_what_to_do():
     world = a_hall()
     say = operator(world)
