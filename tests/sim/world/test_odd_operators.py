@@ -192,6 +192,7 @@ def test_a_robot_that_does_not_stand_where_it_joins_is_told_so_and_may_leave():
     say(Leave(9, "R9"))
     world.run(1.0)
     assert (states(world)["leave-R9"], "R9" in world.fleet.members) == (ORDER_DONE, False)
+    assert reasons(world)["join-R9"] == "R9 has left the fleet"
 
 
 def test_a_robot_that_leaves_and_joins_again_within_a_search_is_not_sent_what_that_found(
