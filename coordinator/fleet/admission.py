@@ -108,7 +108,7 @@ class Door:
             member.struck.clear()  # It goes on from where it stands, and nobody else is stopped.
             self._tell_admitted(robot, now_ns)
             return False
-        if member.planned or member.finished or member.stays:
+        if member.planned or member.finished or member.stays or member.is_new:
             return self._deny(robot, boot, _why_in_already(member), now_ns)
         if member.rest is None:
             self._tell_denied(robot, f"{robot} has not said where it rests yet, ask again", now_ns)
@@ -206,6 +206,8 @@ def _what_becomes_of(member: Member) -> str:
 
 def _why_in_already(member: Member) -> str:
     """Return words for why a robot that is heard need not be admitted."""
+    if member.is_new:
+        return f"{member.id} joins, and need not be admitted"
     if member.phase in (MOVING, BRAKING):
         return f"{member.id} is driving already"
     if member.finished:

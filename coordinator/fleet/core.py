@@ -53,6 +53,7 @@ from protocol.phases import (
     HOLD,
     IDLE,
     NO_FAULT,
+    OFF_PATH,
     OVER,
     STOP,
     fault_name,
@@ -359,16 +360,21 @@ class Fleet(OperatedFleet):
             for member in failing:
                 if not member.lost:
                     member.strike(self.epoch)
-                    self._tell(now_ns, "fault", member.id, self._stuck_in_words(member.id))
+                    self._tell(now_ns, "fault", member.id, self._stuck_in_words(member))
                 self.go_around(member, now_ns)
 
-    def _stuck_in_words(self, robot: str) -> str:
+    def _stuck_in_words(self, member: Member) -> str:
         """Return words that say where a robot does not get on, and what to do."""
-        mine, near = self.grants.of(robot), ""
+        robot, place = member.id, ""
+        mine = self.grants.of(robot)
         if mine is not None and mine.now.course is not None:
             driven, passed_s = mine.now.course.driven, 0.001 * self.spans(robot)[0].since_ms
             x, y = driven.curve.at_arc([driven.timeline.s_at(passed_s)])[0]
-            near = f" near ({x:.1f}, {y:.1f})"
+            place = f"({x:.1f}, {y:.1f})"
+        if member.phase == IDLE and member.fault == OFF_PATH and place:
+            what = "put it there, or start its program again and admit it"
+            return f"{robot} does not stand at {place}, where its course begins: {what}"
+        near = f" near {place}" if place else ""
         what = "its wheels may be stuck. Press STOP before you free it; it goes on by itself"
         return f"{robot} does not get on{near}: {what}"
 

@@ -104,7 +104,7 @@ class Member:
     """Why it cannot hold its plan, in words."""
     stays: str = ""
     is_new: bool = False
-    """Whether it has joined a fleet under way, and no process of it was accepted yet."""
+    """Whether it joins a fleet under way, and no process of it was sent a course yet."""
 
     hellos: dict[int, int] = field(default_factory=dict)
     """The sequence number of each process's newest Hello, by boot id; the latest heard is last."""
@@ -142,7 +142,7 @@ class Member:
             return
         self.boot, self.sequence, self.epoch, self.phase, self.fault = hello.boot, -1, 0, IDLE, 0
         if self.is_new:
-            self.is_new, self.excused_ns = False, now_ns  # It was given time to be started.
+            self.excused_ns = now_ns  # It was given time to be started.
         self.driven = self.holds = 0
         self.capacity = Capacity.of(hello)
         self.overload = self.capacity.objection(self.plan)
@@ -150,7 +150,7 @@ class Member:
 
     def await_start(self, until_ns: int) -> None:
         """Give a robot that joins time for its program to be started, if it is not there yet."""
-        if self.is_new:
+        if self.boot is None:
             self.excused_ns = until_ns
 
     def set_out(self, epoch: int) -> None:
@@ -232,7 +232,7 @@ class Member:
         just_sent = self.plan_sent_ns is not None and now_ns - self.plan_sent_ns < PLAN_PERIOD
         if not self.planned or just_sent:
             return False
-        self.plan_sent_ns = now_ns
+        self.plan_sent_ns, self.is_new = now_ns, False
         return True
 
     def hear(self, report: Report, now_ns: int) -> bool:
@@ -313,6 +313,10 @@ class Member:
         if self.epoch not in (0, epoch) or self.fault == CLOCK_UNSURE:
             return False
         return self.phase in (BRAKING, FROZEN) or (self.phase != MOVING and self.fault != 0)
+
+    def rests_stopped(self, epoch: int) -> bool:
+        """Return whether the robot has stopped by a fault, and rests."""
+        return self.has_stopped(epoch) and self.phase in (IDLE, FROZEN)
 
     @property
     def is_on_floor(self) -> bool:

@@ -279,7 +279,9 @@ class OrderBook:
         if robot in self._robots:
             self._robots.remove(robot)
         self._given.pop(robot, None)
-        self.put_back(robot)
+        for task in self.all_of(robot):
+            if task.joins is None:
+                self.let_wait(task)
         for task in list(self._open.values()):
             if task.order.robot == robot:
                 self.end(task, REFUSED, f"{robot} has left the fleet")

@@ -163,7 +163,7 @@ class Dispatcher:
             for task in book.waiting()
             if task.order.id not in asked and self._is_due(task, state, now_ms)
         ]
-        self._say_who_is_busy(idle)
+        self._say_who_is_busy(idle, now_ns)
         joins = [task for task in tasks if task.joins is not None]
         tasks = [task for task in tasks if task.joins is None]
         found = [self._ask_join(task, task.joins, now_ns) for task in joins if task.joins]
@@ -207,11 +207,15 @@ class Dispatcher:
         is_known = at_rest or self._fleet.grants.ends.is_end_known(task.robot)
         return is_known and self._may_leave(task.robot, now_ns)
 
-    def _what_keeps(self, robot: str) -> str:
+    def _what_keeps(self, robot: str, now_ns: int) -> str:
         """Return in words why a robot that does no order is not idle."""
         member = self._fleet.members[robot]
+        if member.has_come_back(now_ns):
+            return "is back and waits to be admitted"
         if member.lost:
             return "is lost"
+        if member.is_silent(now_ns):
+            return "is not heard"
         if member.has_stopped(self._fleet.epoch):
             return f"has stopped: {fault_name(member.fault)}"
         return "has not arrived yet" if member.planned else "has no part in this epoch"
@@ -229,7 +233,7 @@ class Dispatcher:
             can_change = drives and not mine.is_changing(member.holds)
         return can_change and not is_asked and not member.is_silent(now_ns)
 
-    def _say_who_is_busy(self, idle: list[str]) -> None:
+    def _say_who_is_busy(self, idle: list[str], now_ns: int) -> None:
         """State the reason for which orders wait that were not looked for yet."""
         book = self._fleet.orders
         does = {one.robot: one.order.id for one in reversed(book.under_way())}
@@ -240,7 +244,7 @@ class Dispatcher:
             if robot in does:
                 task.reason = f"{robot} does {does[robot]} first"
             elif robot and robot not in idle:
-                task.reason = f"{robot} {self._what_keeps(robot)}"
+                task.reason = f"{robot} {self._what_keeps(robot, now_ns)}"
             elif not robot and not idle:
                 task.reason = "no robot is free"
 
@@ -262,7 +266,7 @@ class Dispatcher:
     ) -> Robot | None:
         fleet = self._fleet
         task, idle = fleet.orders.tasks[request.order], self._idle(now_ns)
-        can_go = task.joins is not None or self._can_go(request, asked, idle, now_ns)
+        can_go = self._can_go(request, asked, task, idle, now_ns)
         renews = asked.until < math.inf
         does = fleet.orders.of_robot(request.robot)
         is_wanted = task is does if renews else task.state == WAITING
@@ -318,16 +322,23 @@ class Dispatcher:
         member.take_course(plan, request.revision, now_ns)
         return replace(asked.wish.robot, goal=task.order.goal)
 
-    def _can_go(self, request: CourseRequest, asked: Asked, idle: list[str], now_ns: int) -> bool:
-        """Return whether a robot can still go on to a course from the one that it had."""
+    def _can_go(
+        self, request: CourseRequest, asked: Asked, task: Task, idle: list[str], now_ns: int
+    ) -> bool:
+        """Return whether a robot can still join, or go on to a course from the one that it had."""
+        if task.joins is not None:  # That may have been taken back, and asked for elsewhere.
+            return task.joins == asked.wish.robot
         fleet, robot = self._fleet, request.robot
         member, mine = fleet.members[robot], fleet.grants.of(robot)
         if member.is_out_of_reach:
             return False  # It would not be sent the course.
-        is_same = mine is not None and mine.newest.revision == request.revision - 1
+        if mine is None or mine.newest.revision != request.revision - 1:
+            return False
+        if mine.newest.number > request.number:
+            return False  # It has left the fleet meanwhile, and joined again.
         if asked.leaves:  # One that has stopped meanwhile goes on from where it then rests.
-            return is_same and member.has_stopped(fleet.epoch) == asked.has_stopped
-        return robot in idle or (asked.follows and is_same and robot in self._arriving(now_ns))
+            return member.has_stopped(fleet.epoch) == asked.has_stopped
+        return robot in idle or (asked.follows and robot in self._arriving(now_ns))
 
     def _not_found(
         self, task: Task, asked: Asked, answer: Answer, idle: list[str], now_ns: int

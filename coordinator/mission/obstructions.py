@@ -10,7 +10,7 @@ courses are found, which order comes next.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 import msgspec
@@ -91,7 +91,7 @@ class Obstructions:
         """The places that operators have closed."""
 
         self._avoided: dict[tuple[str, int], frozenset[str]] = {}
-        """By robot and revision: the closed places that the course was planned around."""
+        """By robot and revision: the places, closed since, that the course was planned around."""
 
         self._tried: dict[str, tuple[object, int, int]] = {}
         """By robot: what was in the way when it was last sent around it, when [ms], and when any
@@ -174,15 +174,15 @@ class Obstructions:
             self._sites[key] = whole.with_obstacles(key)
         return self._sites[key]
 
-    def take_course(self, robot: str, revision: int, closed: Iterable[str]) -> bool:
+    def take_course(self, robot: str, revision: int, closed: Mapping[str, Ring]) -> bool:
         """Take in a course that was planned around closed places; False if others are closed now.
 
         The robot may begin it later.
         """
-        known = frozenset(closed)
-        if self._closed_now().keys() - known:
+        if self._closed_now().items() - closed.items():
             return False
-        self._avoided[robot, revision] = known
+        known = closed.items() & self._closed.items()
+        self._avoided[robot, revision] = frozenset(name for name, _ in known)
         self._avoided.pop((robot, revision - 2), None)
         self._told.pop((robot, revision - 2), None)
         return True
@@ -363,8 +363,10 @@ class Obstructions:
         """Deal with robots on courses that were planned before a place was closed."""
         fleet = self._fleet
         closed = self._closed_now()
-        if self._closed.keys() - closed.keys():  # One is open again: limits are found anew.
+        gone = {name for name, _ in self._closed.items() - closed.items()}
+        if gone:  # One is open again, or another place has its name: limits are found anew.
             self._told = {}
+            self._avoided = {course: names - gone for course, names in self._avoided.items()}
             for member in fleet.members.planned:
                 fleet.grants.ends.limit(member.id, EVER)
         self._closed = closed
