@@ -57,6 +57,9 @@ class GrantedCourses(Granted):
         self._around: set[str] = set()
         """The robots that others go around: they are granted nothing more."""
 
+        self._found: dict[str, tuple[int, frozenset[str]]] = {}
+        """By robot: the revision of the course found last, and whom others went around then."""
+
         self._rests: dict[str, Rest] = {}
         """By robot that has stopped: where, as it has said."""
 
@@ -141,6 +144,10 @@ class GrantedCourses(Granted):
         self._radius.pop(robot, None)
         self._limits.pop(robot, None)
 
+    def take_search(self, robot: str, revision: int) -> None:
+        """Take in that a course was found; its Plan may be sent later, when the robot is heard."""
+        self._found[robot] = revision, frozenset(self._around)
+
     def go_around(self, robot: str) -> None:
         """Take in that others are sent around a robot, which is granted nothing more."""
         if robot in self._ways:
@@ -149,10 +156,16 @@ class GrantedCourses(Granted):
             del self._ways[robot][1:]  # What it has not begun is withdrawn.
 
     def _that_stand_near(self, course: Course) -> list[str]:
-        """Return sentences on robots, which others go around, that a course comes too near."""
+        """Return sentences on robots that a course comes too near.
+
+        They are those that others went around when it was found.
+        """
         mine, found = course.driven, []
+        revision, around = self._found.get(mine.id, (-1, frozenset()))
+        if revision != mine.plan.revision:
+            around = frozenset(self._around)
         way = shapely.linestrings(mine.chain.points)
-        for name in sorted(self._around):
+        for name in sorted(self._around & around):
             need = mine.radius + self._radius[name] + self._terms.margin
             apart = float(shapely.distance(way, self._standing(name))) - mine.chain.bound
             if name != mine.id and apart < need - TOLERANCE:
