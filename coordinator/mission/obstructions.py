@@ -35,6 +35,7 @@ from coordinator.mission.replanning_input import (
 from coordinator.plan.wire import Driven
 from coordinator.planning.wish import Site
 from coordinator.scenario.model import Point, Pose, Robot
+from coordinator.scenario.obstacle_names import closed_place
 from coordinator.schedule.authority import EVER
 from protocol.messages import REFUSED, UNDER_WAY
 from protocol.phases import MOVING
@@ -100,7 +101,7 @@ class Obstructions:
         self._told: dict[tuple[str, int], set[str]] = {}
         """By robot and revision: the closed places for which the robot was dealt with."""
 
-        self._sites: dict[tuple[Ring, ...], Site] = {}
+        self._sites: dict[tuple[tuple[str, Ring], ...], Site] = {}
         self._left_out: set[tuple[str, Point]] = set()
         """By robot: the places that people were told it does not pass."""
 
@@ -156,23 +157,27 @@ class Obstructions:
         whole = self.site
         assert whole is not None
         reach, here = self._robots[robot].radius + whole.terms.margin, shapely.Point(place)
-        rings = []
-        for ring in (ring for name, ring in self._around.items() if name != robot):
-            wide = shapely.buffer(shapely.Polygon(ring), _ROOM, join_style="mitre")
-            rings.append(ring if shapely.dwithin(wide, here, reach) else _ring_of(wide))
-        rings += [
-            ring
-            for ring in self._closed.values()
-            if not shapely.dwithin(shapely.Polygon(ring), here, reach)
-        ]
+        rings = {}
+        for name, ring in self._around.items():
+            if name != robot:
+                wide = shapely.buffer(shapely.Polygon(ring), _ROOM, join_style="mitre")
+                is_near = shapely.dwithin(wide, here, reach)
+                rings[f"the place where {name} may stand"] = ring if is_near else _ring_of(wide)
+        for name, ring in self._closed.items():
+            if not shapely.dwithin(shapely.Polygon(ring), here, reach):
+                rings[self._in_words(name)] = ring
         if not rings:
             return whole
-        key = tuple(rings)
+        key = tuple(rings.items())
         if key not in self._sites:
             if len(self._sites) >= _MOST_SITES:
                 del self._sites[next(iter(self._sites))]
-            self._sites[key] = whole.with_obstacles(key)
+            self._sites[key] = whole.with_obstacles(rings)
         return self._sites[key]
+
+    def _in_words(self, closed: str) -> str:
+        """Return the name of a closed place for people."""
+        return closed_place(closed) if closed in self._fleet.blocks else f"the place {closed}"
 
     def take_course(self, robot: str, revision: int, closed: Iterable[str]) -> bool:
         """Take in a course that was planned around closed places; False if others are closed now.

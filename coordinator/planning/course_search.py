@@ -106,9 +106,8 @@ def rest(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
 def stand(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
     """Look for the first course of a robot that joins: it rests where it stands."""
     (x, y), reach = wish.robot.start[:2], wish.robot.radius + site.terms.margin
-    if site.room(np.array([[x, y]]))[0] < reach:
-        why = f"({x:.2f}, {y:.2f}) is nearer than {reach:g} m to something solid"
-        return Answer(None, reason=why)
+    if what := site.what_is_at((x, y), reach):
+        return Answer(None, reason=f"({x:.2f}, {y:.2f}) {what}")
     return search(site, wish, others)
 
 

@@ -44,6 +44,11 @@ def obstacle_name(
     return f"the obstacle of {part.file} at ({place.x:.2f}, {place.y:.2f}) m"
 
 
+def closed_place(name: str) -> str:
+    """Return the name of a place that an operator has closed for messages."""
+    return f"the closed place {name}"
+
+
 def note_outside(
     boundary: Sequence[Point], obstacles: Sequence[Sequence[Point]], part: MapPart | None
 ) -> str:
