@@ -33,6 +33,7 @@ from coordinator.planning.course_search import Answer
 from coordinator.planning.wish import Site
 from coordinator.scenario import plain
 from coordinator.scenario.model import Robot
+from coordinator.scenario.order_checks import OWN
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
 from protocol.phases import GO, MOVING, fault_name
 from protocol.timing import SECOND
@@ -155,6 +156,7 @@ class Dispatcher:
             return []
         self.obstructions.look(now_ns, now_ms)
         self._refuse_if_stuck(now_ms)
+        self._refuse_closed()
         idle = self._idle(now_ns)
         asked = self.searches.orders()
         state = (self.searches.commits, tuple(idle))
@@ -225,6 +227,19 @@ class Dispatcher:
             drives = member.phase == MOVING and member.driven >= member.revision
             can_change = drives and not mine.is_changing(member.holds)
         return can_change and not is_asked and not member.is_silent(now_ns)
+
+    def _refuse_closed(self) -> None:
+        """Refuse orders that are new and lead to, or through, a place that is closed."""
+        book, blocks = self._fleet.orders, self._fleet.blocks
+        for task in book.waiting() if blocks else ():
+            if task.reason or task.joins is not None or task.order.id.startswith(OWN):
+                continue
+            robots = [task.order.robot] if task.order.robot else self._fleet.members
+            radii = [self.robots[name].radius for name in robots if name in self.robots]
+            for place in (task.order.goal, *task.order.via):
+                if why := self.obstructions.closed_at(place[:2], min(radii, default=0.0)):
+                    book.end(task, REFUSED, why)
+                    break
 
     def _say_who_is_busy(self, idle: list[str]) -> None:
         """State the reason for which orders wait that were not looked for yet."""
@@ -349,11 +364,13 @@ class Dispatcher:
         if task.makes_room:
             self._no_room[robot] = state
         is_closed = math.isinf(answer.alone) and self._nobody_else(task, robot)
-        if is_closed and task.order.robot and asked.goes_around:
-            is_closed = False  # Who closes its way may go on again.
+        # One who closes its way may go on again.
+        is_closed &= not (task.order.robot and asked.goes_around)
         if task.makes_room or is_closed:
             book.end(task, REFUSED, f"{robot} {answer.reason}")
             self._ways.pop(task.order.id, None)
+            if asked.leaves and task.revision > 0 and book.of_robot(robot) is None:
+                book.leave(task, robot, now_ms)  # Its course still leads there.
             return
         self._tried[task.order.id] = (state, now_ms)
         by = ", ".join(dict.fromkeys(answer.blockers))
@@ -452,7 +469,11 @@ class Dispatcher:
         site = self.obstructions.site
         if site is not None:  # Where there is no room at the goal, it is the same for others.
             room = float(site.room(np.array([task.order.goal[:2]]))[0]) - site.terms.margin
-            task.cannot |= {one.id for one in self.robots.values() if room < one.radius}
+            task.cannot |= {
+                one.id
+                for one in self.robots.values()
+                if room < one.radius or self.obstructions.closed_at(task.order.goal[:2], one.radius)
+            }
         task.robot = task.order.robot
         return bool(task.order.robot) or self._fleet.members.keys() <= task.cannot
 

@@ -35,7 +35,7 @@ from coordinator.mission.replanning_input import (
 from coordinator.plan.wire import Driven
 from coordinator.planning.wish import Site
 from coordinator.scenario.model import Point, Pose, Robot
-from coordinator.scenario.obstacle_names import closed_place
+from coordinator.scenario.obstacle_names import closed_place, too_near
 from coordinator.schedule.authority import EVER
 from protocol.messages import REFUSED, UNDER_WAY
 from protocol.phases import MOVING
@@ -178,6 +178,21 @@ class Obstructions:
     def _in_words(self, closed: str) -> str:
         """Return the name of a closed place for people."""
         return closed_place(closed) if closed in self._fleet.blocks else f"the place {closed}"
+
+    def closed_at(self, place: Point, radius: float) -> str:
+        """Return in words which place an operator has closed for a disc [m] at a place [m].
+
+        "" if none.
+        """
+        whole, here = self.site, shapely.Point(place)
+        assert whole is not None
+        reach = radius + whole.terms.margin
+        for name, block in self._fleet.blocks.items():
+            apart = float(shapely.distance(shapely.Polygon(block.polygon), here))
+            if apart < reach:
+                x, y = place
+                return f"({x:.2f}, {y:.2f}) {too_near(apart, reach, closed_place(name))}"
+        return ""
 
     def take_course(self, robot: str, revision: int, closed: Iterable[str]) -> bool:
         """Take in a course that was planned around closed places; False if others are closed now.

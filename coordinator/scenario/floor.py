@@ -17,7 +17,7 @@ from shapely import Polygon
 
 from coordinator.curves.nurbs import Array
 from coordinator.scenario.model import MapPart, Point
-from coordinator.scenario.obstacle_names import obstacle_name
+from coordinator.scenario.obstacle_names import obstacle_name, too_near
 
 
 class Floor:
@@ -80,11 +80,9 @@ class Floor:
         nearest = int(apart.argmin())
         if apart[nearest] >= reach:
             return ""
-        is_edge = nearest == len(self.obstacles)
-        name = "the floor's edge" if is_edge else self.name(nearest, here, part)
-        if apart[nearest] == 0.0 and not is_edge:
-            return f"is inside {name}"
-        return f"is nearer than {reach:g} m to {name}"
+        if nearest == len(self.obstacles):
+            return f"is nearer than {reach:g} m to the floor's edge"
+        return too_near(float(apart[nearest]), reach, self.name(nearest, here, part))
 
     def distance(self, points: Array) -> Array:
         """Return the distance [m] from each of the points (n, 2) to anything solid, (n,)."""

@@ -49,6 +49,14 @@ def closed_place(name: str) -> str:
     return f"the closed place {name}"
 
 
+def too_near(apart: float, reach: float, name: str) -> str:
+    """Return in words, to follow "which", that a place is `apart` [m] from a thing of this name.
+
+    `reach` [m]: how far it should be.
+    """
+    return f"is nearer than {reach:g} m to {name}" if apart > 0.0 else f"is inside {name}"
+
+
 def note_outside(
     boundary: Sequence[Point], obstacles: Sequence[Sequence[Point]], part: MapPart | None
 ) -> str:
