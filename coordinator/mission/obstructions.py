@@ -38,7 +38,7 @@ from coordinator.scenario.model import Point, Pose, Robot
 from coordinator.scenario.obstacle_names import closed_place, too_near
 from coordinator.schedule.authority import EVER
 from protocol.messages import REFUSED, UNDER_WAY
-from protocol.phases import MOVING
+from protocol.phases import GO, MOVING, STOP
 
 Ring = tuple[Point, ...]
 
@@ -193,6 +193,44 @@ class Obstructions:
                 x, y = place
                 return f"({x:.2f}, {y:.2f}) {too_near(apart, reach, closed_place(name))}"
         return ""
+
+    def why_not_at(self, robot: str, pose: Pose) -> str:
+        """Return in words why a robot that has come back cannot stand where it says; "" if it can.
+
+        It must keep clear of what is solid by as much as its next course has to, and of robots of
+        which it is known where they are.  One that stands on its course is clear of others.
+        """
+        fleet, whole, here = self._fleet, self.site, pose[:2]
+        mine = fleet.grants.of(robot)
+        if fleet.phase not in (GO, STOP) or whole is None or mine is None:
+            return ""  # When a fleet is planned anew, that looks at the places.
+        reach = self._robots[robot].radius + whole.terms.margin
+        if what := whole.what_is_at(here, reach):
+            return f"which {what}"
+        if self._is_on_course(robot, here):
+            return ""
+        for member in fleet.members.values():
+            places = self._possible_places(member.id) if member.id != robot else []
+            apart = max((math.dist(place, here) for place in places), default=math.inf)
+            if apart < reach + member.radius:
+                touches = apart < self._robots[robot].radius + member.radius
+                return f"where {member.id} stands" if touches else f"too near to {member.id}"
+        return ""
+
+    def _possible_places(self, robot: str) -> list[Point]:
+        """Return the places [m] where a robot may be, on any course; none if nothing is known."""
+        mine, rest = self._fleet.grants.of(robot), self.rest_of(robot)
+        if mine is None or mine.now.course is None:
+            return []
+        if rest is not None:
+            return [self.pose_of(robot, rest)[:2]]
+        courses = {one.revision: one.course for one in mine}
+        found: list[Point] = []
+        for revision, since_ms, until_ms in self._fleet.spans(robot):
+            if (course := courses[revision]) is not None:
+                places = stretch(course.driven, since_ms / 1000.0, until_ms / 1000.0)
+                found += [(float(x), float(y)) for x, y in places]
+        return found
 
     def take_course(self, robot: str, revision: int, closed: Iterable[str]) -> bool:
         """Take in a course that was planned around closed places; False if others are closed now.
@@ -358,9 +396,9 @@ class Obstructions:
         book.go_around(robot, (mine.now.revision, goal, via), what, now_ms)
 
     def lost(self) -> list[str]:
-        """Return the robots, not heard any more, that others go around."""
-        members = self._fleet.members
-        return [name for name in self._around if name in members and members[name].lost]
+        """Return the robots, not heard any more and not just let in, that others go around."""
+        found = [self._fleet.members.get(name) for name in self._around]
+        return [one.id for one in found if one and one.lost and not one.admission.is_awaited]
 
     def aside(self, robot: str) -> Aside:
         """Return where a robot may stand that is granted nothing more."""
@@ -408,19 +446,20 @@ class Obstructions:
         for name in sorted(fleet.grants.given_up):
             member = fleet.members.get(name)
             rest = None if member is None or member.came_back_to is None else member.rest
-            if rest is not None and rest.place is not None and not self._is_on_course(name, rest):
-                places = np.array([rest.place[:2]])
+            stated = None if rest is None else rest.place
+            if stated is not None and not self._is_on_course(name, stated[:2]):
+                places = np.array([stated[:2]])
                 ring = Aside(self._robots[name], "lost", places, None).disc()
                 closed[f"where {name} stands"] = ring
         return closed
 
-    def _is_on_course(self, robot: str, rest: Standing) -> bool:
-        """Return whether a robot that has come back stands where it was given up."""
+    def _is_on_course(self, robot: str, place: Point) -> bool:
+        """Return whether a robot that has come back to a place stands where it was given up."""
         mine, site = self._fleet.grants.of(robot), self.site
-        if mine is None or mine.now.course is None or site is None or rest.place is None:
+        if mine is None or mine.now.course is None or site is None:
             return True
         places = self._places(robot, mine.now.course.driven)
-        apart = np.hypot(*(places - np.array(rest.place[:2])).T)
+        apart = np.hypot(*(places - np.array(place)).T)
         return float(apart.min()) <= on_path(site.terms.margin)
 
     def _keep_out(self, member: Member, name: str, now_ns: int, now_ms: int) -> None:

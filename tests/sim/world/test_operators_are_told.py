@@ -4,13 +4,33 @@ import math
 
 import pytest
 
+from coordinator.findings.log_proof import prove_log
+from coordinator.fleet.admit_outcome import Asking
+from coordinator.log.log_file import read_log
+from coordinator.mission.aside_news import AsideNews
 from coordinator.scenario.model import Order
-from protocol.messages import ORDER_DONE, REFUSED, Block, Unblock
+from coordinator.service.replay import check_log
+from protocol import keys
+from protocol.codec import decode, encode
+from protocol.messages import (
+    ORDER_DONE,
+    REFUSED,
+    Admit,
+    Block,
+    Unblock,
+)
 from protocol.messages import Order as Said
 from sim.world.run_logs import RunLogs
 from tests.scenarios import a_scenario, box
 from tests.sim.world.test_odd_operators import reasons
-from tests.sim.world.test_orders_in_time import a_world, assert_sound, idle, operator, states
+from tests.sim.world.test_orders_in_time import (
+    a_world,
+    admit,
+    assert_sound,
+    idle,
+    operator,
+    states,
+)
 
 WET = Block(9, "wet", box(10.0, 4.0, 12.0, 6.0))
 
@@ -101,3 +121,84 @@ def test_a_robot_whose_goal_is_closed_does_not_drive_there_later_without_its_ord
     assert math.dist((x, y), (11.0, 5.0)) > 1.0
     assert states(world)["room-1"] == ORDER_DONE
     assert_sound(world, logs)
+
+
+def comes_back(world, name, place, boot=78):
+    """Start a killed robot's program with this place; an operator asks until there is an outcome.
+
+    Return that outcome.
+    """
+    session = world._network.session(f"operator {boot}")
+    asking = Asking(name, boot)
+
+    def hear(key, payload, _):
+        message = decode(keys.split(key)[1], payload)
+        if not asking.answer:
+            asking.hear(message)
+
+    for key in (keys.plan(world.fleet.name, name), keys.command(world.fleet.name)):
+        session.subscribe(key, hear)
+    world.renew(name, boot, place)
+    world.run(1.0)
+    for _ in range(100):
+        if asking.answer:
+            break
+        asking.asked()
+        session.put(keys.admit(world.fleet.name, name), encode(Admit(boot)))
+        world.run(0.2)
+    return asking
+
+
+def one_killed(logs, **options):
+    """R1 has an order and is killed under way to it; R2 rests."""
+    orders = (Order(id="far", goal=(12.0, 1.0), robot="R1", release=1.0),)
+    world = a_hall(orders=orders, faults=["kill:R1@6"], logs=logs, **options)
+    world.run(9.0)
+    return world
+
+
+@pytest.mark.parametrize(
+    ("place", "why"),
+    [
+        ((7.0, 4.0), "R1 says that it stands at (7.00, 4.00), which is inside obstacle 0"),
+        ((50.0, 1.0), "R1 says that it stands at (50.00, 1.00), which is off the floor"),
+        ((1.0, 6.0), "R1 says that it stands at (1.00, 6.00), where R2 stands"),
+        ((1.1, 6.0), "R1 says that it stands at (1.10, 6.00), where R2 stands"),
+        ((1.43, 6.0), "R1 says that it stands at (1.43, 6.00), too near to R2"),
+    ],
+)
+def test_a_robot_is_not_admitted_where_it_cannot_stand_and_the_operator_is_told_why(
+    tmp_path, place, why
+):
+    logs = RunLogs(tmp_path)
+    world = one_killed(logs)
+    x, y, heading = world.robots["R1"].body.true_pose()
+    asking = comes_back(world, "R1", (*place, 0.0))
+    todo = "start its program again with the place where it stands"
+    assert (asking.admitted, asking.answer) == (False, f"{why}; {todo}")
+    world.run(5.0)
+    told = [one.text for one in world.fleet.incidents]
+    assert asking.answer in told
+    assert "R1 is admitted" not in told
+    assert world.fleet.grants.of("R2").newest.revision == 0
+    assert comes_back(world, "R1", (x, y, heading), boot=79).admitted
+    assert [one.text for one in world.fleet.incidents].count("R1 is admitted") == 1
+    world.run(40.0)
+    logs.close()
+    assert states(world)["far"] == ORDER_DONE
+    log = read_log(logs.paths[-1])
+    assert (check_log(log).difference, prove_log(log).holds) == ("", True)
+
+
+def test_a_robot_that_is_being_admitted_is_not_to_be_started_and_admitted():
+    world = one_killed(None)
+    news, told = AsideNews(), []
+    x, y, heading = world.robots["R1"].body.true_pose()
+    world.renew("R1", 78, (x, y, heading))
+    world.run(1.0)
+    admit(world, "R1")
+    for _ in range(200):
+        world.step()
+        told += news.news(world.mission)
+    assert told == []
+    assert "R1 is admitted" in [one.text for one in world.fleet.incidents]
