@@ -244,7 +244,9 @@ class Dispatcher:
     def _say_who_is_busy(self, idle: list[str]) -> None:
         """State the reason for which orders wait that were not looked for yet."""
         book = self._fleet.orders
-        does = {one.robot: one.order.id for one in reversed(book.under_way())}
+        members = self._fleet.members
+        under_way = [one for one in reversed(book.under_way()) if not members[one.robot].lost]
+        does = {one.robot: one.order.id for one in under_way}
         for task in book.waiting():
             robot = task.order.robot
             if task.makes_room or task.joins is not None:
@@ -513,4 +515,11 @@ class Dispatcher:
             self._mark, self._moved_ms = mark, now_ms
         elif now_ms - self._moved_ms > _NOBODY_MOVES_MS:
             self._moved_ms = now_ms
-            book.refuse_stuck(lambda task: task.reason or "no robot can do it")
+            book.refuse_stuck(self._why_stuck)
+
+    def _why_stuck(self, task: Task) -> str:
+        """Return in words why nobody can do an order."""
+        member = self._fleet.members.get(task.order.robot)
+        if member is not None and (member.lost or member.has_stopped(self._fleet.epoch)):
+            return f"{member.id} {self._what_keeps(member.id)}"
+        return task.reason or "no robot can do it"

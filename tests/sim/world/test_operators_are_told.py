@@ -13,13 +13,20 @@ from coordinator.service.replay import check_log
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import (
+    CANCELLED,
+    END,
     ORDER_DONE,
     REFUSED,
+    UNDER_WAY,
     Admit,
     Block,
+    Join,
+    Leave,
+    Tell,
     Unblock,
 )
 from protocol.messages import Order as Said
+from sim.world.fault_text import Fault
 from sim.world.run_logs import RunLogs
 from tests.scenarios import a_scenario, box
 from tests.sim.world.test_odd_operators import reasons
@@ -202,3 +209,51 @@ def test_a_robot_that_is_being_admitted_is_not_to_be_started_and_admitted():
         told += news.news(world.mission)
     assert told == []
     assert "R1 is admitted" in [one.text for one in world.fleet.incidents]
+
+
+def test_the_orders_of_a_lost_robot_say_that_it_is_lost():
+    world = a_hall()
+    say = operator(world)
+    world.run(2.0)
+    say(Block(9, "wet", box(0.2, 5.0, 9.0, 7.5)))
+    world.run(2.0)
+    assert states(world)["room-1"] == UNDER_WAY
+    say(Said(9, "next", (11.0, 5.0), robot="R2"))
+    world.run(0.5)
+    assert reasons(world)["next"] == "R2 does room-1 first"
+    world.strike(Fault("kill", "R2", 0.0, 0.0))
+    while not world.fleet.members["R2"].lost:
+        world.step()
+    world.run(0.5)
+    assert states(world)["room-1"] == UNDER_WAY
+    assert reasons(world)["next"] == "R2 is lost"
+    say(Tell(9, END))
+    world.run(60.0)
+    assert states(world) == {"room-1": REFUSED, "next": REFUSED}
+    assert reasons(world) == {"room-1": "R2 is lost", "next": "R2 is lost"}
+
+
+@pytest.mark.parametrize(("after", "state"), [(1.0, CANCELLED), (100.0, REFUSED)])
+def test_a_robot_that_is_taken_out_before_it_was_heard_has_not_joined(after, state):
+    world = a_hall()
+    say = operator(world)
+    world.run(2.0)
+    say(Join(9, "R9", (10.0, 2.0, 0.0), 0.25, 0.8))
+    world.run(after)
+    say(Leave(9, "R9"))
+    world.run(1.0)
+    assert states(world) == {"join-R9": state, "leave-R9": ORDER_DONE}
+
+
+def test_a_robot_that_cannot_join_beside_one_that_leaves_is_told_of_that_one():
+    world = a_hall()
+    say = operator(world)
+    world.run(2.0)
+    say(Said(9, "far", (12.0, 1.0), robot="R1"))
+    while not world.robots["R1"].body.true_pose()[0] > 1.2:
+        world.run(0.1)
+    say(Join(9, "R9", (1.4, 1.0, 0.0), 0.25, 0.8))
+    world.run(1.0)
+    assert states(world)["join-R9"] == REFUSED
+    told = "R9 cannot stand there: R1 still drives too near; ask again when it has passed"
+    assert reasons(world)["join-R9"] == told
