@@ -425,6 +425,10 @@ class Obstructions:
             self._told = {}
             for member in fleet.members.planned:
                 fleet.grants.ends.limit(member.id, EVER)
+        for name in sorted((closed.keys() - self._closed.keys()) & fleet.blocks.keys()):
+            if self.site is not None and not self.site.is_on_floor(closed[name]):
+                text = f"{name} lies off the floor: nobody drives there anyway"
+                fleet.incidents.append(Incident(now_ns, "block", "", text))
         self._closed = closed
         for member in fleet.members.planned if closed else ():
             mine = fleet.grants.of(member.id)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+import shapely
 from msgspec.structs import replace as changed
 
 from coordinator.bends.among_courses import Bends
@@ -36,6 +37,10 @@ class Site:
         solid, names = floor.obstacles + tuple(rings.values()), floor.names + tuple(rings)
         more = changed(floor, obstacles=solid, names=names)
         return Site(changed(self.scenario, workspace=more), self.terms)
+
+    def is_on_floor(self, ring: tuple[Point, ...]) -> bool:
+        """Return whether any of a polygon [m] lies on the floor."""
+        return bool(shapely.intersects(self.floor.outline, shapely.Polygon(ring)))
 
     def what_is_at(self, place: Point, reach: float) -> str:
         """Return in words what is solid nearer than `reach` [m] to a place [m]; "" if nothing."""

@@ -257,3 +257,16 @@ def test_a_robot_that_cannot_join_beside_one_that_leaves_is_told_of_that_one():
     assert states(world)["join-R9"] == REFUSED
     told = "R9 cannot stand there: R1 still drives too near; ask again when it has passed"
     assert reasons(world)["join-R9"] == told
+
+
+def test_a_place_that_is_closed_off_the_floor_is_noted():
+    world = a_hall()
+    say = operator(world)
+    world.run(2.0)
+    say(Block(9, "far", box(33.0, 1.0, 34.0, 2.0)))
+    say(WET)
+    world.run(2.0)
+    told = [one.text for one in world.fleet.incidents if one.kind == "block"]
+    assert [text for text in told if "off the floor" in text] == [
+        "far lies off the floor: nobody drives there anyway"
+    ]
