@@ -74,16 +74,23 @@ def unblock(
 ) -> None:
     """Open a place again.
 
+    The exit code is 1 if no place of this id is closed, or if no coordinator answers within
+    --patience.
+
     Example: splinefleet unblock block-1 --connect tcp/127.0.0.1:7447
     """
     name = name_of(block_id, "ID")
     with fleet_line(connect, fleet, patience, keys) as line:
+        is_closed = name in line.blocks()
         asked = Unblock(line.boot, name)
         opened = line.ask_until(
             places.block, asked, lambda one: isinstance(one, Unblock) and one.id == name
         )
     if opened is None:
         tell(f"no coordinator has answered within {patience:g} s", "red")
+        raise typer.Exit(1)
+    if not is_closed:
+        tell(f"no place {name} is closed", "red")
         raise typer.Exit(1)
     tell(f"{name} is open")
 

@@ -119,6 +119,9 @@ def order(
     state: OrderState | None = None
     is_over = False
     with fleet_line(connect, fleet, patience, keys) as line:
+        if order_id is not None and name in line.states():
+            what = "is known already and stays as it was; another order needs another --id"
+            tell(f"{name} {what}", "yellow")
         given = Order(
             boot=line.boot,
             id=name,

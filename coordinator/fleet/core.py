@@ -16,7 +16,7 @@ not know: clocks (`now_ns` is an argument), Zenoh, files, paths.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from coordinator.fleet.admission import Door
 from coordinator.fleet.epoch_times import EpochTimes
@@ -24,7 +24,7 @@ from coordinator.fleet.events import Outgoing, Part
 from coordinator.fleet.failures import sets_out, silent, that_do_not_arm
 from coordinator.fleet.grants import Grants
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP, router_key
-from coordinator.fleet.member import Member
+from coordinator.fleet.member import Member, Place
 from coordinator.fleet.operated_fleet import OperatedFleet
 from coordinator.fleet.orders import OrderBook
 from coordinator.fleet.phases import (
@@ -75,6 +75,13 @@ class Fleet(OperatedFleet):
     ) -> None:
         super().__init__(name, boot, members, times, grants, orders)
         self._door = Door(name, self.members, self.incidents)
+
+    def check_places(self, why_not_at: Callable[[str, Place], str]) -> None:
+        """Have somebody who knows the floor check the places at which robots come back.
+
+        `why_not_at`: says why a robot cannot stand at a place, to follow the place; "" if it can.
+        """
+        self._door.why_not_at = why_not_at
 
     def hear(self, key: str, payload: bytes, now_ns: int) -> list[Outgoing]:
         """Take in a message that arrived on a key; return what to send.  Count bad messages."""

@@ -49,6 +49,17 @@ _BEYOND: Final = 1e9
 BOOTS: Final = 64
 """The coordinator remembers the Hellos of at most this many processes under one name."""
 
+Place = tuple[float, float, float]
+"""Where a robot stands: x, y [m] and its heading [rad]."""
+
+
+def place_of(hello: Hello) -> Place | None:
+    """Return where a robot that has come back says that it stands; None if it does not say it."""
+    if hello.place is None:
+        return None
+    x, y, heading = (number / 1000.0 for number in hello.place)
+    return x, y, heading
+
 
 @dataclass
 class Member:
@@ -125,15 +136,15 @@ class Member:
     def knock(self, hello: Hello, now_ns: int) -> None:
         """Record that a robot of this name has come back, so that an operator may admit it."""
         self.admission.knock(hello, now_ns)
-        if self.admission.is_awaited and hello.place is not None:
-            x, y, heading = (number / 1000.0 for number in hello.place)
+        place = place_of(hello)
+        if self.admission.is_awaited and place is not None:
             self.accept(hello, now_ns)
             self.finished = self.planned = False
             self.stays = self.overload = ""
             self.sent_epoch = 0
             self.struck.clear()
             self.admission.take_in()
-            self.rest = Standing(robot=self.id, state="rests", epoch=0, place=(x, y, heading))
+            self.rest = Standing(robot=self.id, state="rests", epoch=0, place=place)
 
     def accept(self, hello: Hello, now_ns: int) -> None:
         """Accept a robot's process and forget what an earlier process of that name said."""

@@ -164,7 +164,13 @@ class OperatedFleet(FleetState):
         return "does not rest; if it cannot get on, end its program first"
 
     def _take_out(self, robot: str, now_ns: int, by: Leave | Cancel) -> None:
-        """Take a robot out of the fleet; its orders are refused."""
+        """Take a robot out of the fleet; its orders are refused.
+
+        One of which no program was heard has not joined.
+        """
+        join = self.orders.tasks.get(f"{JOIN}{robot}")
+        if join is not None and not join.is_over and self.members[robot].is_new:
+            self.orders.end(join, CANCELLED, f"{robot} was taken out before it was heard")
         self.orders.forget(robot)
         self.grants.remove(robot)
         del self.members[robot]

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, Final
 
 import msgspec
@@ -33,6 +34,7 @@ from coordinator.planning.course_search import Answer
 from coordinator.planning.wish import Site
 from coordinator.scenario import plain
 from coordinator.scenario.model import Robot
+from coordinator.scenario.order_checks import OWN
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
 from protocol.phases import GO, MOVING, fault_name
 from protocol.timing import SECOND
@@ -154,7 +156,8 @@ class Dispatcher:
             self._moved_ms = now_ms
             return []
         self.obstructions.look(now_ns, now_ms)
-        self._refuse_if_stuck(now_ms)
+        self._refuse_if_stuck(now_ns)
+        self._refuse_closed()
         idle = self._idle(now_ns)
         asked = self.searches.orders()
         state = (self.searches.commits, tuple(idle))
@@ -233,10 +236,25 @@ class Dispatcher:
             can_change = drives and not mine.is_changing(member.holds)
         return can_change and not is_asked and not member.is_silent(now_ns)
 
+    def _refuse_closed(self) -> None:
+        """Refuse orders that are new and lead to, or through, a place that is closed."""
+        book, blocks = self._fleet.orders, self._fleet.blocks
+        for task in book.waiting() if blocks else ():
+            if task.reason or task.joins is not None or task.order.id.startswith(OWN):
+                continue
+            robots = [task.order.robot] if task.order.robot else self._fleet.members
+            radii = [self.robots[name].radius for name in robots if name in self.robots]
+            for place in (task.order.goal, *task.order.via):
+                if why := self.obstructions.closed_at(place[:2], min(radii, default=0.0)):
+                    book.end(task, REFUSED, why)
+                    break
+
     def _say_who_is_busy(self, idle: list[str], now_ns: int) -> None:
         """State the reason for which orders wait that were not looked for yet."""
         book = self._fleet.orders
-        does = {one.robot: one.order.id for one in reversed(book.under_way())}
+        members = self._fleet.members
+        under_way = [one for one in reversed(book.under_way()) if not members[one.robot].lost]
+        does = {one.robot: one.order.id for one in under_way}
         for task in book.waiting():
             robot = task.order.robot
             if task.makes_room or task.joins is not None:
@@ -363,11 +381,13 @@ class Dispatcher:
         if task.makes_room:
             self._no_room[robot] = state
         is_closed = math.isinf(answer.alone) and self._nobody_else(task, robot)
-        if is_closed and task.order.robot and asked.goes_around:
-            is_closed = False  # Who closes its way may go on again.
+        # One who closes its way may go on again.
+        is_closed &= not (task.order.robot and asked.goes_around)
         if task.makes_room or is_closed:
             book.end(task, REFUSED, f"{robot} {answer.reason}")
             self._ways.pop(task.order.id, None)
+            if asked.leaves and task.revision > 0 and book.of_robot(robot) is None:
+                book.leave(task, robot, now_ms)  # Its course still leads there.
             return
         self._tried[task.order.id] = (state, now_ms)
         by = ", ".join(dict.fromkeys(answer.blockers))
@@ -466,7 +486,11 @@ class Dispatcher:
         site = self.obstructions.site
         if site is not None:  # Where there is no room at the goal, it is the same for others.
             room = float(site.room(np.array([task.order.goal[:2]]))[0]) - site.terms.margin
-            task.cannot |= {one.id for one in self.robots.values() if room < one.radius}
+            task.cannot |= {
+                one.id
+                for one in self.robots.values()
+                if room < one.radius or self.obstructions.closed_at(task.order.goal[:2], one.radius)
+            }
         task.robot = task.order.robot
         return bool(task.order.robot) or self._fleet.members.keys() <= task.cannot
 
@@ -497,13 +521,20 @@ class Dispatcher:
         """Return when a robot last got on [ms], and how many courses were committed."""
         return self._fleet.grants.standstills.got_on_latest_ms, self.searches.commits
 
-    def _refuse_if_stuck(self, now_ms: int) -> None:
+    def _refuse_if_stuck(self, now_ns: int) -> None:
         """Refuse all orders when nobody gets on and nothing is found for a long time."""
-        book, mark = self._fleet.orders, self._progress()
+        book, mark, now_ms = self._fleet.orders, self._progress(), self._fleet.since_go_ms(now_ns)
         under_way = book.under_way()
         dwells = any(one.arrived_ms is not None for one in under_way)
         if mark != self._mark or dwells or book.stays or not (under_way or book.waiting()):
             self._mark, self._moved_ms = mark, now_ms
         elif now_ms - self._moved_ms > _NOBODY_MOVES_MS:
             self._moved_ms = now_ms
-            book.refuse_stuck(lambda task: task.reason or "no robot can do it")
+            book.refuse_stuck(partial(self._why_stuck, now_ns=now_ns))
+
+    def _why_stuck(self, task: Task, now_ns: int) -> str:
+        """Return in words why nobody can do an order."""
+        member = self._fleet.members.get(task.order.robot)
+        if member is not None and (member.lost or member.has_stopped(self._fleet.epoch)):
+            return f"{member.id} {self._what_keeps(member.id, now_ns)}"
+        return task.reason or "no robot can do it"

@@ -52,6 +52,7 @@ class Mission:
         self.site, self.fleet, self.rides = site, fleet, rides
         self.documents = {document.epoch: document}
         self.dispatcher = Dispatcher(fleet, site.scenario.robots)
+        fleet.check_places(self.dispatcher.obstructions.why_not_at)
         self._planner = planner
         self._wanted: Request | None = None
 
