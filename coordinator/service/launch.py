@@ -24,7 +24,6 @@ from coordinator.base.errors import InputError
 from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.hold_reasons import RollCall
-from coordinator.fleet.phases import GO_LEAD
 from coordinator.log.head import first_head, resumed
 from coordinator.log.log_file import files_in, is_unfinished, read_newest
 from coordinator.log.recorder import Recorder
@@ -47,7 +46,7 @@ from coordinator.service.replay import go_on, scenario_of
 from coordinator.view.live_table import FleetTable
 from coordinator.view.order_lines import order_line
 from protocol.host_clock import host_clock_ns, time_of_day
-from protocol.phases import COMMAND_NAMES, GO, PHASE_NAMES
+from protocol.phases import COMMAND_NAMES, PHASE_NAMES
 from protocol.shared_clock import announce_clock
 from protocol.transport import Transport
 
@@ -330,15 +329,13 @@ class Coordinator:
 
     def _summarise(self, fleet: Fleet, arrived: bool, dropped: Mapping[str, int]) -> None:
         """Report how every robot ended; times count from the first GO."""
-        gone = (one for one in fleet.incidents if one.phase == GO)
-        zero_ns = next((one.now_ns + GO_LEAD for one in gone), 0)
         robots = [
             {
                 "id": member.id,
                 "phase": "lost" if member.lost else PHASE_NAMES[member.phase],
                 "arrived": None
                 if member.done_ns is None
-                else round((member.done_ns - zero_ns) / 1e9, 3),
+                else fleet.since_go_ms(member.done_ns) / 1000.0,
                 "rest_s": member.rest_s,
             }
             for member in fleet.members.values()
