@@ -12,7 +12,7 @@ import typer
 
 from coordinator.base.console import answer_json, answers, tell
 from coordinator.base.errors import InputError
-from coordinator.cli.plan_commands import Json, Source
+from coordinator.cli.plan_commands import Json, Source, given_log
 
 if TYPE_CHECKING:
     from coordinator.findings.true_course import TrueCourse
@@ -46,13 +46,13 @@ def info(
     from coordinator.findings.info import summarise
     from coordinator.findings.info_table import render
     from coordinator.findings.plan_facts import summarise_plan
-    from coordinator.log.log_file import read_log, readable_logs_before
+    from coordinator.log.log_file import readable_logs_before
     from coordinator.plan.plan_file import read
 
     if source.suffix == ".json":
         summary = summarise_plan(read(source))
     else:
-        log = read_log(source)
+        log = given_log(source)
         beside = source if source.is_dir() else source.parent
         boxes = _boxes_of(log, beside, blackbox)
         summary = summarise(log, boxes, readable_logs_before(log))

@@ -25,7 +25,8 @@ from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.hold_reasons import RollCall
 from coordinator.log.head import first_head, resumed
-from coordinator.log.log_file import files_in, is_unfinished, read_newest
+from coordinator.log.log_file import is_unfinished, read_newest
+from coordinator.log.log_folder import files_of_runs
 from coordinator.log.recorder import Recorder
 from coordinator.log.records import Log
 from coordinator.mission.aside_news import AsideNews
@@ -184,6 +185,8 @@ class Coordinator:
             raise InputError([f"--resume: {resume} is the log of a fleet at --speed {speed[:40]}"])
         if not self._events:
             self._told = len(mission.fleet.incidents) - 1
+        for remark in log.remarks:
+            self._say("warning", text=f"{resume}: {remark}")
         self._aside_news.news(mission)  # The log's coordinator has told these.
         count = sum(not member.has_arrived for member in mission.fleet.members.planned)
         under_way = "1 robot is" if count == 1 else f"{count or 'no'} robots are"
@@ -248,7 +251,7 @@ class Coordinator:
         if resume is not None:
             head = resumed(head, b"" if goes_on else self._before, self._began_ns)
         is_folder = path.is_dir() or not (path.exists() or path.suffix)
-        if not goes_on and (path.is_file() or (path.is_dir() and files_in(path))):
+        if not goes_on and (path.is_file() or (path.is_dir() and files_of_runs(path))):
             earlier = _moved_away(path)
             self._say("warning", text=f"{path} is there already; it is now {earlier}")
         if is_folder:
