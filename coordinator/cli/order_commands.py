@@ -151,7 +151,9 @@ def order(
                 break
             if isinstance(message, Command) and message.phase == OVER and state is not None:
                 break
-    _conclude(name, state, as_json, patience)
+    if state is None:
+        raise line.unanswered(f"order {name}")
+    _conclude(name, state, as_json)
     if wait and not is_over:
         tell("the coordinator has ended, or is not heard any more", "red")
         raise typer.Exit(1)
@@ -209,10 +211,7 @@ def _read_wanted(file: Path) -> _Wanted:
     return _Wanted(*found[:-1])
 
 
-def _conclude(name: str, state: OrderState | None, as_json: bool, patience: float) -> None:
-    if state is None:
-        tell(f"no coordinator has answered to order {name} within {patience:g} s", "red")
-        raise typer.Exit(1)
+def _conclude(name: str, state: OrderState, as_json: bool) -> None:
     from coordinator.findings.info_fields import OrderSummary
 
     shown = OrderSummary.of(state)
@@ -239,7 +238,7 @@ def orders(
     """
     with fleet_line(connect, fleet, patience, keys) as line:
         states = line.states()
-        line.must_be_heard(patience)
+        line.must_be_heard()
     from coordinator.findings.info_fields import OrderSummary
     from coordinator.findings.info_table import orders_table
 
@@ -280,8 +279,7 @@ def cancel(
     with fleet_line(connect, fleet, patience, keys) as line:
         state = line.ask_until(keys_of.order, Cancel(line.boot, name), is_over)
     if not isinstance(state, OrderState):
-        tell(f"no coordinator has answered within {patience:g} s", "red")
-        raise typer.Exit(1)
+        raise line.unanswered()
     if state.state == CANCELLED:
         why = f": {state.reason}" if state.reason else ""
         tell(f"{name} is cancelled{why}")
@@ -309,9 +307,8 @@ def _tell_fleet(
                     tell(f"{line.fleet}: {COMMAND_NAMES[phase]}")
                     return
     if phase is None:
-        tell(f"no coordinator was heard within {patience:g} s", "red")
-    else:
-        tell(f"{line.fleet} has been told; it is still {COMMAND_NAMES[phase]}", "red")
+        raise line.unanswered()
+    tell(f"{line.fleet} has been told; it is still {COMMAND_NAMES[phase]}", "red")
     raise typer.Exit(1)
 
 
