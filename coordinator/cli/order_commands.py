@@ -108,7 +108,7 @@ def order(
     """Give an order to a running fleet and print what becomes of it.
 
     A robot's second order waits behind its first.  The exit code is 1 if the order is refused or
-    cancelled, or if no coordinator is heard for --patience.
+    cancelled, if its id is that of another order, or if no coordinator is heard for --patience.
 
     Example: splinefleet order --connect tcp/127.0.0.1:7447 --to 9,5 --robot R1 --wait
     """
@@ -136,6 +136,7 @@ def order(
                 line.put(keys_of.order(known), given)
 
         for message in line.messages(say, lasts=wait):
+            _refuse_another(message, given)
             if isinstance(message, OrderState) and message.id == name:
                 before, state = state, message
                 is_over = state.state in (ORDER_DONE, CANCELLED, REFUSED)
@@ -156,6 +157,15 @@ def order(
     _conclude(name, state, as_json)
     if wait and not is_over:
         tell("the coordinator has ended, or is not heard any more", "red")
+        raise typer.Exit(1)
+
+
+def _refuse_another(message: Message, given: Order) -> None:
+    """Exit with code 1 if a message says that the id is that of another order."""
+    if isinstance(message, Order) and (message.id, message.boot) == (given.id, given.boot):
+        from coordinator.view.order_lines import another_order
+
+        tell(another_order(message), "red")
         raise typer.Exit(1)
 
 
