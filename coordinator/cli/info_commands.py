@@ -53,8 +53,7 @@ def info(
         summary = summarise_plan(read(source))
     else:
         log = given_log(source)
-        beside = source if source.is_dir() else source.parent
-        boxes = _boxes_of(log, beside, blackbox)
+        boxes = _boxes_of(log, source, blackbox)
         summary = summarise(log, boxes, readable_logs_before(log))
     if as_json:
         answer_json(summary)
@@ -62,7 +61,7 @@ def info(
         answers.print(render(summary))
 
 
-def _boxes_of(log: Log, beside: Path, asked: Path | None) -> dict[str, TrueCourse]:
+def _boxes_of(log: Log, source: Path, asked: Path | None) -> dict[str, TrueCourse]:
     """Return a log's black boxes by robot.
 
     If one of them cannot be read, raise InputError if the user named the folder; otherwise print a
@@ -70,9 +69,10 @@ def _boxes_of(log: Log, beside: Path, asked: Path | None) -> dict[str, TrueCours
     """
     from coordinator.findings.info import courses_of
     from coordinator.log.log_file import readable_logs_before
+    from coordinator.log.log_folder import box_folders
 
     try:
-        folders = [asked] if asked else [beside / "blackbox", beside]
+        folders = [asked] if asked else box_folders(source)
         return courses_of(log, folders, readable_logs_before(log))
     except InputError as error:
         if asked:

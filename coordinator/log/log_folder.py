@@ -1,6 +1,7 @@
 """Which files of a folder are its log, by their names and by what they resume.
 
-Decides: how the files of a day are named, and which log of a folder is meant when it holds several.
+Decides: how the files of a day are named, which log of a folder is meant when it holds several, and
+where the black boxes of a log are looked for.
 Must not know: how a log is read (log_file.py).
 """
 
@@ -60,6 +61,16 @@ def newest_log(
     names = ", ".join(file.name for file in ends)
     problem = f"holds {len(ends)} logs, none of which contains the others: {names}"
     raise InputError([f"{folder}: {problem}; name one of them"])
+
+
+def box_folders(source: Path) -> list[Path]:
+    """Return the folders in which the black boxes of a log, or of a folder, are looked for.
+
+    They are those beside the log, which may itself be a folder of numbered files.
+    """
+    beside = [source] if source.is_dir() else [source.parent]
+    beside += [source.parent] if numbered_files(source) else []
+    return [place for folder in beside for place in (folder / "blackbox", folder)]
 
 
 def hint_below(folder: Path) -> str:

@@ -20,7 +20,7 @@ from coordinator.findings.attendance import Attendance
 from coordinator.findings.attendance import Stay as Present
 from coordinator.log.box_file import start_of_box
 from coordinator.log.log_file import logs_before, read_folder, read_log
-from coordinator.log.log_folder import hint_below
+from coordinator.log.log_folder import box_folders, hint_below
 from coordinator.log.records import Log, Record
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import from_json, plan_name, read
@@ -138,7 +138,7 @@ def gather(source: Path) -> Evidence:
         present.take(message, record.log_ns)
         told.take(message, record, "" if place is None else place[2])
     stays = _stays(document, present, told)
-    boxes = _boxes(folder, document, present.stays, told)
+    boxes = _boxes(source, document, present.stays, told)
     remarks = logs[-1].remarks if logs else []
     return Evidence(document, _later(told), boxes, _courses(told), stays, remarks)
 
@@ -208,19 +208,20 @@ def _courses(told: _Told) -> dict[str, list[FurtherCourse]]:
 
 
 def _boxes(
-    folder: Path, document: PlanDocument, robots: Iterable[str], told: _Told
+    source: Path, document: PlanDocument, robots: Iterable[str], told: _Told
 ) -> dict[str, BlackBox]:
     """Read the black boxes; InputError states all problems, with missing boxes on one line.
 
     A box that began at a GO that the logs do not know is of another run.
     """
     boxes: dict[str, BlackBox] = {}
+    folders = box_folders(source)
     missing: list[str] = []
     problems: list[str] = []
     needed = {robot.id for robot in document.robots}
     first = min(told.starts.values(), default=None)
     for robot in robots:
-        places = [folder / "blackbox" / f"{robot}.csv", folder / f"{robot}.csv"]
+        places = [folder / f"{robot}.csv" for folder in folders]
         found = next((place for place in places if place.exists()), None)
         if found is None:
             missing += [robot] if robot in needed else []
@@ -235,7 +236,7 @@ def _boxes(
             problems += error.problems
     if missing:
         one = missing[0]
-        wanted = f"{folder}/{one}.csv or {folder}/blackbox/{one}.csv"
+        wanted = f"{folders[1]}/{one}.csv or {folders[0]}/{one}.csv"
         how = f"`splinefleet agent {one} --blackbox {one}.csv` writes one"
         problems.insert(0, f"no black box of {', '.join(missing)}: there is no {wanted}; {how}")
     if problems:

@@ -92,6 +92,17 @@ def test_a_plan_file_beside_what_is_no_log_is_enough(tmp_path, plans):
     assert gather(tmp_path).later == []
 
 
+def test_black_boxes_may_be_beside_a_log_that_is_a_folder_or_in_it(tmp_path, plans):
+    day = tmp_path / "day"
+    day.mkdir()
+    write_log(day / "run-0001.mcap", plans, (1,))
+    write_boxes(tmp_path)
+    assert sorted(gather(day).boxes) == ["R1", "R2"]
+    write_boxes(day)
+    (tmp_path / "R1.csv").write_text("x")
+    assert sorted(gather(day).boxes) == ["R1", "R2"]
+
+
 def test_a_folder_beside_a_log_that_is_a_folder_says_where_the_log_is(tmp_path, plans):
     (tmp_path / "day").mkdir()
     write_log(tmp_path / "day" / "run-0001.mcap", plans, (1,))
