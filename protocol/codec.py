@@ -56,7 +56,7 @@ KINDS: Final[dict[str, tuple[type[Message], ...]]] = {
     "clock": (Clock,),
     "admit": (Admit,),
     "order": (Order, Cancel),
-    "orders": (OrderState,),
+    "orders": (OrderState, Order),
     "tell": (Tell,),
     "roster": (Join, Leave),
     "block": (Block, Unblock),

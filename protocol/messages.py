@@ -243,7 +243,8 @@ class Order(msgspec.Struct, frozen=True, array_like=True, tag=10):
     order.  `dwell_ms`: how long the robot stands at the goal before the order is done.  Of orders
     that wait, a higher `priority` goes first.  `now`: the robot leaves what it does for this order.
     It counts from `release_ms` after the first GO on, or when the order `after` is done.  The same
-    `id` again is the same order.
+    `id` again is the same order.  If it is that of an order to another goal or for another robot,
+    the coordinator answers with that one's id, goal and robot in the same form, and this `boot`.
     """
 
     boot: Counter

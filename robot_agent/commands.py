@@ -158,7 +158,9 @@ def agent(
                 blackbox=blackbox,
                 give_up_ns=round(give_up * SECOND),
                 period_ns=SECOND // rate,
-                tell=(lambda _: None) if quiet else _tell,
+                tell=(lambda _: None)
+                if quiet
+                else partial(_tell, connect, locked=files is not None),
                 count=_print_counts if stats else _count_nothing,
                 serve=serve,
             )
@@ -173,9 +175,15 @@ def agent(
     raise typer.Exit(code)
 
 
-def _tell(text: str) -> None:
-    """Print a line with the time of day on stderr."""
-    typer.echo(f"{time_of_day()} {text}", err=True)
+def _tell(endpoint: str, text: str, *, locked: bool) -> None:
+    """Print a line with the time of day on stderr; commands in it name the endpoint.
+
+    `locked`: whether they need keys, which are not the robot's.
+    """
+    from robot_agent.words import SOMEWHERE
+
+    reach = f"--connect {endpoint}" + (" --keys ..." if locked else "")
+    typer.echo(f"{time_of_day()} {text.replace(SOMEWHERE, reach)}", err=True)
 
 
 def _print_counts(state: str, loop: FixedRateLoop) -> None:

@@ -20,6 +20,9 @@ from protocol.timing import SECOND
 from robot_agent.core.agent import Agent
 from robot_agent.driver import Pose
 
+SOMEWHERE = "--connect ..."
+"""The option of commands in texts that do not know where the fleet is reached."""
+
 PATIENCE_NS = SECOND
 DEAF = "hears no coordinator, stops where its authority ends"
 HEARS_AGAIN = "hears its coordinator again"
@@ -87,10 +90,12 @@ def waits_for(
         return f"has no part in this epoch of fleet {fleet}, stays where it stands"
     if phase == HOLD:
         return f"has said hello to fleet {fleet}, which has sent no plan yet"
-    way_in = f"`splinefleet admit {robot} --connect ...` lets it in"
+    x, y, heading = ("X", "Y", "HEADING") if pose is None else (f"{one:.3f}" for one in pose)
+    join = f"`splinefleet join {robot} --at {x},{y},{heading} {SOMEWHERE}` takes in a new robot"
+    admit = f"`splinefleet admit {robot} {SOMEWHERE}` lets in one that was there before"
     if pose is None:
-        way_in += ", after a start with --at X Y HEADING"
-    return f"fleet {fleet} is under way without it; {way_in}"
+        admit += ", after a start with --at X Y HEADING"
+    return f"fleet {fleet} is under way without it; {join}, {admit}"
 
 
 def _place(pose: Pose) -> str:

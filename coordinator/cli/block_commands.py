@@ -56,8 +56,7 @@ def block(
             places.block, asked, lambda one: isinstance(one, Block) and one.id == name
         )
     if not isinstance(closed, Block):
-        tell(f"no coordinator has answered within {patience:g} s", "red")
-        raise typer.Exit(1)
+        raise line.unanswered()
     if closed.polygon != ring:
         tell(f"{name} is another place, which is closed already; use another --id", "red")
         raise typer.Exit(1)
@@ -74,24 +73,24 @@ def unblock(
 ) -> None:
     """Open a place again.
 
-    The exit code is 1 if no place of this id is closed, or if no coordinator answers within
-    --patience.
+    The exit code is 1 if no such place is closed.
 
     Example: splinefleet unblock block-1 --connect tcp/127.0.0.1:7447
     """
     name = name_of(block_id, "ID")
     with fleet_line(connect, fleet, patience, keys) as line:
-        is_closed = name in line.blocks()
+        closed = line.blocks()
+        line.must_be_heard()
+        if name not in closed:
+            known = f"; closed are {', '.join(closed)}" if closed else ""
+            tell(f"no place {name} is closed{known}", "red")
+            raise typer.Exit(1)
         asked = Unblock(line.boot, name)
         opened = line.ask_until(
             places.block, asked, lambda one: isinstance(one, Unblock) and one.id == name
         )
     if opened is None:
-        tell(f"no coordinator has answered within {patience:g} s", "red")
-        raise typer.Exit(1)
-    if not is_closed:
-        tell(f"no place {name} is closed", "red")
-        raise typer.Exit(1)
+        raise line.unanswered()
     tell(f"{name} is open")
 
 
@@ -109,7 +108,7 @@ def blocks(
     """
     with fleet_line(connect, fleet, patience, keys) as line:
         found = line.blocks()
-        line.must_be_heard(patience)
+        line.must_be_heard()
     if as_json:
         answer_json([{"id": one.id, "polygon": one.polygon} for one in found.values()])
         return

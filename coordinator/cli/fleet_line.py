@@ -54,6 +54,9 @@ class FleetLine:
         self.is_heard = False
         """Whether anything of the fleet was heard."""
 
+        self._others: set[str] = set()
+        """The fleets whose coordinators are heard, if they are noted."""
+
         self._by = by
         self._transport = transport
         self._heard: queue.SimpleQueue[tuple[str, Message]] = queue.SimpleQueue()
@@ -72,6 +75,16 @@ class FleetLine:
         message = decode(place[1], payload) if place is not None else None
         if place is not None and message is not None:
             self._heard.put((place[0], message))
+
+    def note_others(self) -> None:
+        """Note which other fleets are heard, to name them if this one is not."""
+
+        def hear(key: str, _payload: bytes, _sent_ns: int | None) -> None:
+            place = places.split(key)
+            if place is not None:
+                self._others.add(place[0])
+
+        self._transport.subscribe(places.command("*"), hear)
 
     def messages(self, say: Callable[[str], None], *, lasts: bool = False) -> Iterator[Message]:
         """Yield the fleet's messages; call `say` with the fleet's name now and then.
@@ -102,12 +115,22 @@ class FleetLine:
         answers = self.messages(lambda fleet: self.put(key(fleet), message))
         return next((one for one in answers if fits(one)), None)
 
-    def must_be_heard(self, patience: float) -> None:
+    def unanswered(self, asked: str = "") -> typer.Exit:
+        """Say that no coordinator has answered, and which fleets are heard; return exit code 1.
+
+        `asked`: what was asked, in words.
+        """
+        which = "" if self.fleet is None else f" of fleet {self.fleet}"
+        what = f" to {asked}" if asked else ""
+        others = ", ".join(sorted(self._others - {self.fleet}))
+        there = f"; the fleets heard are {others}" if others else ""
+        tell(f"no coordinator{which} has answered{what} within {self._patience:g} s{there}", "red")
+        return typer.Exit(1)
+
+    def must_be_heard(self) -> None:
         """Say that no coordinator was heard, and exit with code 1, unless one was."""
         if not self.is_heard:
-            which = "" if self.fleet is None else f" of fleet {self.fleet}"
-            tell(f"no coordinator{which} was heard within {patience:g} s", "red")
-            raise typer.Exit(1)
+            raise self.unanswered()
 
     def put(self, key: str, message: Operators) -> None:
         """Send a message, with the name of who sends it."""
@@ -151,7 +174,10 @@ def fleet_line(connect: str, fleet: str | None, patience: float, keys: Keys) -> 
         raise typer.BadParameter(what, param_hint="--fleet")
     files = given_keys(keys, "operator")
     with ZenohTransport.connect(connect, timeout_s=min(patience, 20.0), keys=files) as transport:
-        yield FleetLine(transport, fleet, patience, sender(files))
+        line = FleetLine(transport, fleet, patience, sender(files))
+        if fleet is not None and files is None:  # Keys let nobody listen to other fleets.
+            line.note_others()
+        yield line
 
 
 def sender(files: KeyFiles | None) -> str:

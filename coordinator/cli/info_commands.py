@@ -12,7 +12,7 @@ import typer
 
 from coordinator.base.console import answer_json, answers, tell
 from coordinator.base.errors import InputError
-from coordinator.cli.plan_commands import Json, Source
+from coordinator.cli.plan_commands import Json, Source, given_log
 
 if TYPE_CHECKING:
     from coordinator.findings.true_course import TrueCourse
@@ -46,15 +46,14 @@ def info(
     from coordinator.findings.info import summarise
     from coordinator.findings.info_table import render
     from coordinator.findings.plan_facts import summarise_plan
-    from coordinator.log.log_file import read_log, readable_logs_before
+    from coordinator.log.log_file import readable_logs_before
     from coordinator.plan.plan_file import read
 
     if source.suffix == ".json":
         summary = summarise_plan(read(source))
     else:
-        log = read_log(source)
-        beside = source if source.is_dir() else source.parent
-        boxes = _boxes_of(log, beside, blackbox)
+        log = given_log(source)
+        boxes = _boxes_of(log, source, blackbox)
         summary = summarise(log, boxes, readable_logs_before(log))
     if as_json:
         answer_json(summary)
@@ -62,7 +61,7 @@ def info(
         answers.print(render(summary))
 
 
-def _boxes_of(log: Log, beside: Path, asked: Path | None) -> dict[str, TrueCourse]:
+def _boxes_of(log: Log, source: Path, asked: Path | None) -> dict[str, TrueCourse]:
     """Return a log's black boxes by robot.
 
     If one of them cannot be read, raise InputError if the user named the folder; otherwise print a
@@ -70,9 +69,10 @@ def _boxes_of(log: Log, beside: Path, asked: Path | None) -> dict[str, TrueCours
     """
     from coordinator.findings.info import courses_of
     from coordinator.log.log_file import readable_logs_before
+    from coordinator.log.log_folder import box_folders
 
     try:
-        folders = [asked] if asked else [beside / "blackbox", beside]
+        folders = [asked] if asked else box_folders(source)
         return courses_of(log, folders, readable_logs_before(log))
     except InputError as error:
         if asked:

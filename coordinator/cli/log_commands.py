@@ -15,7 +15,15 @@ import typer
 
 from coordinator.base.console import answer_json, answers, errors, tell, tell_now, write_file
 from coordinator.base.errors import InputError, PlanError
-from coordinator.cli.plan_commands import Json, LogFile, Source, Speed, within, writable
+from coordinator.cli.plan_commands import (
+    Json,
+    LogFile,
+    Source,
+    Speed,
+    given_log,
+    within,
+    writable,
+)
 from coordinator.exchange.vda5050 import Version
 from coordinator.service.key_option import Keys, given_keys
 from protocol.keys import NAME
@@ -183,7 +191,8 @@ def export(
     Example: splinefleet export runs/demo/run.mcap --to foxglove -o scene.mcap
     """
     from coordinator.cli.vda5050_commands import write_orders
-    from coordinator.exchange.motion_story import csv_lines, read_story
+    from coordinator.exchange.motion_story import csv_lines, story_of_log, story_of_plan
+    from coordinator.plan.plan_file import read
 
     if source.exists() and output.exists() and source.samefile(output):
         raise InputError([f"--output: {output} is the source itself; name another file"])
@@ -193,7 +202,8 @@ def export(
     if to == "vda5050":
         write_orders(source, output, order_version)
         return
-    story = read_story(source)
+    is_plan = source.suffix == ".json"
+    story = story_of_plan(read(source)) if is_plan else story_of_log(given_log(source))
     if not story.legs:
         raise PlanError(f"{source}: no robot was sent on its way, so there is no motion to export")
     if to == "csv":

@@ -108,7 +108,7 @@ def order(
     """Give an order to a running fleet and print what becomes of it.
 
     A robot's second order waits behind its first.  The exit code is 1 if the order is refused or
-    cancelled, or if no coordinator is heard for --patience.
+    cancelled, if its id is that of another order, or if no coordinator is heard for --patience.
 
     Example: splinefleet order --connect tcp/127.0.0.1:7447 --to 9,5 --robot R1 --wait
     """
@@ -119,9 +119,6 @@ def order(
     state: OrderState | None = None
     is_over = False
     with fleet_line(connect, fleet, patience, keys) as line:
-        if order_id is not None and name in line.states():
-            what = "is known already and stays as it was; another order needs another --id"
-            tell(f"{name} {what}", "yellow")
         given = Order(
             boot=line.boot,
             id=name,
@@ -139,6 +136,7 @@ def order(
                 line.put(keys_of.order(known), given)
 
         for message in line.messages(say, lasts=wait):
+            _refuse_another(message, given)
             if isinstance(message, OrderState) and message.id == name:
                 before, state = state, message
                 is_over = state.state in (ORDER_DONE, CANCELLED, REFUSED)
@@ -154,9 +152,20 @@ def order(
                 break
             if isinstance(message, Command) and message.phase == OVER and state is not None:
                 break
-    _conclude(name, state, as_json, patience)
+    if state is None:
+        raise line.unanswered(f"order {name}")
+    _conclude(name, state, as_json)
     if wait and not is_over:
         tell("the coordinator has ended, or is not heard any more", "red")
+        raise typer.Exit(1)
+
+
+def _refuse_another(message: Message, given: Order) -> None:
+    """Exit with code 1 if a message says that the id is that of another order."""
+    if isinstance(message, Order) and (message.id, message.boot) == (given.id, given.boot):
+        from coordinator.view.order_lines import another_order
+
+        tell(another_order(message), "red")
         raise typer.Exit(1)
 
 
@@ -212,10 +221,7 @@ def _read_wanted(file: Path) -> _Wanted:
     return _Wanted(*found[:-1])
 
 
-def _conclude(name: str, state: OrderState | None, as_json: bool, patience: float) -> None:
-    if state is None:
-        tell(f"no coordinator has answered to order {name} within {patience:g} s", "red")
-        raise typer.Exit(1)
+def _conclude(name: str, state: OrderState, as_json: bool) -> None:
     from coordinator.findings.info_fields import OrderSummary
 
     shown = OrderSummary.of(state)
@@ -242,7 +248,7 @@ def orders(
     """
     with fleet_line(connect, fleet, patience, keys) as line:
         states = line.states()
-        line.must_be_heard(patience)
+        line.must_be_heard()
     from coordinator.findings.info_fields import OrderSummary
     from coordinator.findings.info_table import orders_table
 
@@ -283,8 +289,7 @@ def cancel(
     with fleet_line(connect, fleet, patience, keys) as line:
         state = line.ask_until(keys_of.order, Cancel(line.boot, name), is_over)
     if not isinstance(state, OrderState):
-        tell(f"no coordinator has answered within {patience:g} s", "red")
-        raise typer.Exit(1)
+        raise line.unanswered()
     if state.state == CANCELLED:
         why = f": {state.reason}" if state.reason else ""
         tell(f"{name} is cancelled{why}")
@@ -312,9 +317,8 @@ def _tell_fleet(
                     tell(f"{line.fleet}: {COMMAND_NAMES[phase]}")
                     return
     if phase is None:
-        tell(f"no coordinator was heard within {patience:g} s", "red")
-    else:
-        tell(f"{line.fleet} has been told; it is still {COMMAND_NAMES[phase]}", "red")
+        raise line.unanswered()
+    tell(f"{line.fleet} has been told; it is still {COMMAND_NAMES[phase]}", "red")
     raise typer.Exit(1)
 
 

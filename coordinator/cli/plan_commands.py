@@ -6,7 +6,7 @@ Decides: their options and exit codes.  Heavy modules are imported when a comman
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -18,6 +18,7 @@ from coordinator.base.errors import InputError
 from coordinator.service.key_option import Insecure, Keys
 
 if TYPE_CHECKING:
+    from coordinator.log.records import Log
     from coordinator.plan.document import PlanDocument
     from coordinator.scenario.model import Scenario
 
@@ -87,6 +88,21 @@ def make_folder(folder: Path) -> None:
         raise InputError([f"{folder}: {error.strerror}; the output must be a folder"]) from None
 
 
+def given_log(source: Path) -> Log:
+    """Read the log that a person names, and tell them what they have to know of its files."""
+    from coordinator.log.log_file import read_log
+
+    log = read_log(source)
+    tell_remarks(source, log.remarks)
+    return log
+
+
+def tell_remarks(source: Path, remarks: Iterable[str]) -> None:
+    """Tell what whoever relies on a log has to know of its files."""
+    for remark in remarks:
+        tell(f"{source}: {remark}", "yellow")
+
+
 def newest_plan(source: Path, what_for: str) -> PlanDocument:
     """Read a plan file, or the plan of a log's last epoch with the courses that robots got since.
 
@@ -94,13 +110,13 @@ def newest_plan(source: Path, what_for: str) -> PlanDocument:
     """
     from coordinator.exchange.motion_story import documents_of
     from coordinator.findings.plans_from_messages import in_force, plans_said
-    from coordinator.log.log_file import read_log, readable_logs_before
+    from coordinator.log.log_file import readable_logs_before
     from coordinator.plan.plan_file import read
     from coordinator.scenario.file_kinds import is_log
 
     if not is_log(source):
         return read(source)
-    log = read_log(source)
+    log = given_log(source)
     documents = documents_of(log)
     said = plans_said(log, documents)
     documents |= said
@@ -277,9 +293,9 @@ def _verify_log(path: Path, site: Scenario | None, as_json: bool) -> None:
     """Prove a log and print the proof; exit code 1 if it does not hold."""
     from coordinator.findings.log_proof import prove_log
     from coordinator.findings.plan_table import render_log_proof
-    from coordinator.log.log_file import logs_before, read_log
+    from coordinator.log.log_file import logs_before
 
-    log = read_log(path)
+    log = given_log(path)
     proof = prove_log(log, site, logs_before(log, str(path)))
     if not proof.epochs:
         raise InputError([f"{path}: holds no plan that could be proven"])

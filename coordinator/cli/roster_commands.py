@@ -104,9 +104,8 @@ def _ask(line: FleetLine, answer: str, message: Join | Leave) -> None:
             tell(state.reason, "yellow")
         return
     if state is None:
-        tell("no coordinator has answered", "red")
-    else:
-        late = "is its program running, and newer than when it was last in the fleet?"
-        why = "was cancelled" if state.state == CANCELLED else f"has not joined yet; {late}"
-        tell(state.reason or f"{message.robot} {why}", "red")
+        raise line.unanswered()
+    late = "is its program running, and newer than when it was last in the fleet?"
+    why = "was cancelled" if state.state == CANCELLED else f"has not joined yet; {late}"
+    tell(state.reason or f"{message.robot} {why}", "red")
     raise typer.Exit(1)

@@ -24,6 +24,7 @@ from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.admit_outcome import Asking
 from coordinator.fleet.orders import JOIN, LEAVE
 from coordinator.scenario.checks import corners_fault
+from coordinator.view.order_lines import another_order
 from protocol import keys, phases
 from protocol.messages import (
     CANCELLED,
@@ -268,8 +269,16 @@ class Commands:
 
     async def _asked_order(self, message: Operators, name: str) -> OrderState:
         key = keys.order if isinstance(message, Order) else keys.roster
-        fits = partial(_state_of, name=name)
-        return _answered(await self._line.ask(key, message, fits, PATIENCE_S))
+
+        def fits(heard: Message) -> OrderState | Order | None:
+            if isinstance(heard, Order) and (heard.id, heard.boot) == (name, message.boot):
+                return heard
+            return _state_of(heard, name)
+
+        found: OrderState | Order | None = await self._line.ask(key, message, fits, PATIENCE_S)
+        if isinstance(found, Order):
+            raise Refused(409, another_order(found))
+        return _answered(found)
 
     def _by(self, who: str) -> str:
         return who or self._line.by

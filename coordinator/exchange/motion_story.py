@@ -14,7 +14,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import itemgetter
-from pathlib import Path
 from typing import Final
 
 import msgspec
@@ -27,7 +26,7 @@ from coordinator.findings.info import summarise
 from coordinator.findings.info_fields import Summary
 from coordinator.findings.progress import Progress
 from coordinator.findings.traffic_numbers import clock_lag, is_own
-from coordinator.log.log_file import read_log, readable_logs_before
+from coordinator.log.log_file import readable_logs_before
 from coordinator.log.log_writer import WALL_OFFSET
 from coordinator.log.records import Log
 from coordinator.plan import plan_file, trajectory
@@ -107,13 +106,6 @@ class Story:
         for leg in self.legs:
             found.setdefault(leg.driven.id, []).append(leg)
         return found
-
-
-def read_story(path: Path) -> Story:
-    """Return the story of a log (MCAP) or of a plan file; raise InputError if it is neither."""
-    if path.suffix == ".json":
-        return story_of_plan(plan_file.read(path))
-    return story_of_log(read_log(path))
 
 
 def story_of_plan(document: PlanDocument) -> Story:

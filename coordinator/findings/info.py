@@ -166,7 +166,7 @@ class _Telling:
             damage=log.damage,
             messages=len(records),
             zero=None if go_ns is None else (go_ns - begin_ns) / 1e9,
-            passive=log.metadata.get("passive") == "yes",
+            passive=log.is_recording,
             version=log.metadata.get(WRITTEN_BY),
             protocol=protocol_of(log.metadata),
         )

@@ -49,11 +49,15 @@ class EpochProof(msgspec.Struct, frozen=True):
     courses: int = 0
 
 
-class LogProof(msgspec.Struct, frozen=True):
-    """Whether the proofs of all epochs hold."""
+class LogProof(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Whether the proofs of all epochs hold, and the logs are whole.
+
+    `damage` says why messages may be missing that nobody can prove; it is empty if none are.
+    """
 
     holds: bool
     epochs: list[EpochProof]
+    damage: str = ""
 
 
 def prove_log(log: Log, scenario: Scenario | None = None, before: Sequence[Log] = ()) -> LogProof:
@@ -81,7 +85,9 @@ def prove_log(log: Log, scenario: Scenario | None = None, before: Sequence[Log] 
         for number, found in granted.items()
     ]
     epochs += [EpochProof(number, _unproven(number), 0, []) for number in sorted(unknown)]
-    return LogProof(all(e.proof.holds and not e.failures for e in epochs), epochs)
+    damage = "; ".join(one.loss for one in logs if one.loss)
+    safe = all(one.proof.holds and not one.failures for one in epochs)
+    return LogProof(safe and not damage, epochs, damage)
 
 
 def take_messages(

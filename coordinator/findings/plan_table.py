@@ -110,6 +110,9 @@ def render_log_proof(proof: LogProof) -> RenderableType:
             lines.append(Text(f"  {epoch.commands} Commands granted no more than is safe"))
             if epoch.courses:
                 lines.append(Text(f"  {epoch.courses} further courses keep clear of all others"))
+    if proof.damage:
+        told = "messages may be missing, and these are not proven"
+        lines += [Text(told, "red"), Text(_folded(proof.damage))]
     return Group(*lines)
 
 

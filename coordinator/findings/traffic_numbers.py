@@ -36,7 +36,7 @@ def clock_lag(log: Log) -> int:
 
     0 for the coordinator's own log; for others it follows from the recorded answers about the time.
     """
-    if log.metadata.get("passive") != "yes":
+    if not log.is_recording:
         return 0
     lags = []
     for record in log.records:

@@ -10,7 +10,7 @@ import shapely
 
 from coordinator.fleet.events import Outgoing
 from coordinator.fleet.member import Member
-from coordinator.fleet.orders import JOIN, LEAVE, order_of, robot_of
+from coordinator.fleet.orders import JOIN, LEAVE, known_order, order_of, robot_of
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.fleet.state import FleetState
 from coordinator.scenario import model
@@ -80,6 +80,9 @@ class OperatedFleet(FleetState):
                 return [self._refusal(message.id, f"there is no order {message.id}")]
         elif known is None and message.id.startswith(OWN):
             return [self._refusal(message.id, OWN_IN_WORDS)]
+        elif (other := self.orders.other(order_of(message))) is not None:
+            said = encode(known_order(other, message.boot))
+            return [Outgoing(keys.orders(self.name, message.id), said)]
         elif not self.is_ending and (later := self.orders.put_off(order_of(message), now_ms)):
             return [self._order_state(later)]
         else:

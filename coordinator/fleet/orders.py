@@ -6,6 +6,7 @@ courses, messages, clocks; times are in ms since the first GO.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from random import Random
@@ -37,6 +38,9 @@ Flags = npt.NDArray[np.bool_]
 
 _SAME: Final = 1e-3
 """Places no farther apart than this [m] are one."""
+
+_FORGOTTEN: Final[Pose] = (math.nan, math.nan)
+"""The goal of an order that was over before the checkpoint that a coordinator goes on from."""
 
 _REASON: Final = 300
 """Reasons are cut to this many characters, so that a message can state them."""
@@ -115,6 +119,11 @@ def order_of(message: protocol_messages.Order) -> Order:
     )
 
 
+def known_order(order: Order, boot: int) -> protocol_messages.Order:
+    """Return the answer to an operator's message of this boot id with the id of another order."""
+    return protocol_messages.Order(boot, order.id, order.goal, order.robot)
+
+
 def robot_of(join: protocol_messages.Join) -> Robot:
     """Return the robot that an operator takes into the fleet."""
     accel = join.max_accel_mps2 or join.max_speed_mps
@@ -165,7 +174,7 @@ def _task_of(fields: dict[str, Any]) -> Task:
 def _task_over(state: OrderState) -> Task:
     """Return an order that is over, of which nothing but its end is known."""
     return Task(
-        Order(id=state.id, goal=(0.0, 0.0)),
+        Order(id=state.id, goal=_FORGOTTEN),
         state.released_ms or 0,
         state.robot,
         state.state,
@@ -298,6 +307,14 @@ class OrderBook:
         if order.robot and order.robot not in self._robots:
             self.end(task, REFUSED, f"there is no robot {order.robot} in this fleet")
         return task
+
+    def other(self, order: Order) -> Order | None:
+        """Return the order that has this one's id, if it is known to have another goal or robot."""
+        task = self.tasks.get(order.id)
+        known = self._later.get(order.id) if task is None else task.order
+        if known is None or math.isnan(known.goal[0]):
+            return None
+        return None if (known.goal, known.robot) == (order.goal, order.robot) else known
 
     def has(self, order_id: str) -> bool:
         """Return whether there is such an order, known or put off."""

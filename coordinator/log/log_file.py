@@ -11,8 +11,8 @@ not know: what the messages mean.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import groupby
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -22,8 +22,15 @@ from mcap.writer import MCAP0_MAGIC
 from msgspec.structs import replace
 
 from coordinator.base.errors import InputError
+from coordinator.log.log_folder import (
+    files_of_runs,
+    hint_below,
+    newest_log,
+    numbered_files,
+    other_files,
+)
 from coordinator.log.log_writer import METADATA_NAME, WALL_OFFSET
-from coordinator.log.records import Log, Record
+from coordinator.log.records import NOT_CLOSED, Log, Record
 from coordinator.log.soundness import Sound, is_closed, scan
 from coordinator.log.versions import objection
 from coordinator.scenario.file_kinds import kind_of, wrong_kind
@@ -38,9 +45,8 @@ _DAY: Final = 24 * 3600 * SECOND
 _LONGEST: Final = 31 * _DAY
 """The longest time that a log may span [ns]."""
 
-_FOLDER_FILES: Final = "run-{:04d}.mcap"
-_NUMBERED: Final = re.compile(r"run-(\d{4,})\.mcap")
-"""The files of a log that is a folder."""
+RECOVERED: Final = "splinefleet.recovered"
+"""The name of the metadata record that describes a recovered log before it was recovered."""
 
 _LAST_TIME: Final = 2**62
 _MOST_OFFSET: Final = 2**63 - 1
@@ -54,12 +60,13 @@ Each log has it twice: in the attachment itself and in the summary."""
 
 
 class LogScan(NamedTuple):
-    """A log's intact records, its metadata, and the `complete` and `damage` of its `Log`."""
+    """A log's intact records, and what its `Log` says of metadata, end, damage and recovery."""
 
     sound: list[Sound]
     metadata: dict[str, str]
     complete: bool
     damage: str
+    recovered: str
 
 
 def read_log(path: Path) -> Log:
@@ -69,42 +76,63 @@ def read_log(path: Path) -> Log:
     """
     if not path.is_dir():
         return log_from_bytes(load(path), str(path))
-    parts = [log for file in files_in(path) if (log := _part(file)) is not None]
+    log = read_folder(path)
+    if log is None:
+        raise InputError([f"{path}: holds no log{hint_below(path)}"])
+    return log
+
+
+def read_folder(folder: Path) -> Log | None:
+    """Read the log of a folder; return None if it holds none.
+
+    The files run-0001.mcap and so on are one log.  Otherwise it is the log that contains all other
+    logs in the folder, because it resumes them.  What else is there is `left_out`.  Raises
+    InputError if a numbered file cannot be read, or if no log contains all others.
+    """
+    numbered = numbered_files(folder)
+    return _numbered_log(folder, numbered) if numbered else _log_among_others(folder)
+
+
+def _numbered_log(folder: Path, files: list[Path]) -> Log:
+    parts = [(file.name, log) for file in files if (log := _part(file)) is not None]
     if not parts:
-        raise InputError([f"{path}: holds no log ({_FOLDER_FILES.format(1)}, ...)"])
-    runs = [list(run) for _, run in groupby(parts, lambda part: part.metadata.get("boot"))]
+        raise InputError([f"{folder}: holds no log: nothing was recorded in {files[0].name}"])
+    runs = [list(run) for _, run in groupby(parts, lambda part: part[1].metadata.get("boot"))]
     *before, newest = [_joined(run) for run in runs]
-    return replace(newest, before=tuple(before))
+    left_out = tuple(file.name for file in other_files(folder))
+    return replace(newest, before=tuple(before), left_out=left_out)
+
+
+def _log_among_others(folder: Path) -> Log | None:
+    logs: dict[Path, Log] = {}
+    for file in other_files(folder):
+        with suppress(InputError):
+            part = _part(file)
+            if part is not None:
+                logs[file] = part
+    found = newest_log(folder, logs, readable_logs_before)
+    if found is None:
+        return None
+    newest = logs[found]
+    own = {file for file, log in logs.items() if log.is_recording == newest.is_recording}
+    left_out = tuple(file.name for file in other_files(folder) if file not in own)
+    return replace(newest, left_out=left_out)
 
 
 def read_newest(path: Path) -> tuple[Log, bytes]:
     """Read a log, or the newest file of a folder in which anything was recorded; and its bytes.
 
-    That file is enough to go on from.  Raises InputError as `read_log` does.
+    That file is enough to go on from.  Raises InputError as `read_log` does, and for a folder whose
+    files are not numbered.
     """
-    for file in reversed(files_in(path) if path.is_dir() else []):
-        part = _part(file)
-        if part is not None and part.records:
-            return part, load(file)
+    if path.is_dir():
+        for file in reversed(numbered_files(path)):
+            part = _part(file)
+            if part is not None and part.records:
+                return part, load(file)
+        raise InputError([f"{path}: has no log in files run-0001.mcap, ...; name the log's file"])
     data = load(path)
     return log_from_bytes(data, str(path)), data
-
-
-def files_in(folder: Path) -> list[Path]:
-    """Return the files of a log that is a folder, in order.
-
-    The folder of a run, with run.mcap, run-2.mcap and so on, has its newest file alone: that one
-    contains the others.
-    """
-    files = sorted(folder.glob("run*.mcap"), key=lambda path: (len(path.name), path.name))
-    return [path for path in files if _NUMBERED.fullmatch(path.name)] or files[-1:]
-
-
-def next_file(folder: Path) -> Path:
-    """Return the path of the next file of a log that is a folder."""
-    found = (_NUMBERED.fullmatch(path.name) for path in folder.glob("run-*.mcap"))
-    numbers = [int(one[1]) for one in found if one is not None]
-    return folder / _FOLDER_FILES.format(max(numbers, default=0) + 1)
 
 
 def _part(file: Path) -> Log | None:
@@ -118,9 +146,10 @@ def _part(file: Path) -> Log | None:
         raise
 
 
-def _joined(parts: list[Log]) -> Log:
-    """Return the log of one coordinator whose files these are."""
+def _joined(files: list[tuple[str, Log]]) -> Log:
+    """Return the log of one coordinator whose files these are, each with its name."""
     attachments: dict[str, bytes] = {}
+    parts = [part for _, part in files]
     for part in parts:
         attachments |= part.attachments
     return Log(
@@ -128,7 +157,8 @@ def _joined(parts: list[Log]) -> Log:
         attachments=attachments,
         records=[record for part in parts for record in part.records],
         complete=parts[-1].complete,
-        damage="; ".join(part.damage for part in parts if part.damage),
+        damage="; ".join(f"{name}: {part.damage}" for name, part in files if part.damage),
+        recovered="; ".join(dict.fromkeys(part.recovered for part in parts if part.recovered)),
     )
 
 
@@ -148,6 +178,7 @@ def log_from_bytes(data: bytes, path: str) -> Log:
         records=records,
         complete=found.complete,
         damage=found.damage,
+        recovered=found.recovered,
     )
 
 
@@ -196,9 +227,12 @@ def scan_log(data: bytes, path: str) -> LogScan:
         raise InputError([f"{path}: resumes more than {MOST_RESUMED} logs, one inside the other"])
     sound, damage = scan(data)
     metadata: dict[str, str] = {}
+    recovered = ""
     for _, record in sound:
         if isinstance(record, mcap_records.Metadata) and record.name == METADATA_NAME:
             metadata = record.metadata
+        elif isinstance(record, mcap_records.Metadata) and record.name == RECOVERED:
+            recovered = record.metadata.get("damage") or NOT_CLOSED
     if reason := objection(metadata):
         raise InputError([f"{path}: {reason}"])
     if not _has_offset(metadata):
@@ -208,7 +242,7 @@ def scan_log(data: bytes, path: str) -> LogScan:
             raise InputError([f"{path}: is not the log of a fleet{reason}"])
         metadata = {**metadata, "fleet": fleet, WALL_OFFSET: "0"}
         damage = f"{damage}; {_NO_METADATA}" if damage else _NO_METADATA
-    return LogScan(sound, metadata, is_closed(data), damage)
+    return LogScan(sound, metadata, is_closed(data), damage, recovered)
 
 
 def _has_offset(metadata: dict[str, str]) -> bool:
@@ -228,23 +262,10 @@ def _fleet_by_keys(sound: list[Sound]) -> str:
     return ""
 
 
-def check_bytes(path: Path) -> str | None:
-    """Return a sentence that says where the file is damaged; None if it is intact.
-
-    Any changed byte of a closed log is found.  An unfinished log is not damaged because it ends
-    early.  All files of a folder are looked at.  Raises InputError if the file does not exist or
-    never was an MCAP file.
-    """
-    if not path.is_dir():
-        return scan(load(path))[1] or None
-    damages = ((file.name, scan(file.read_bytes())[1]) for file in files_in(path))
-    return next((f"{name}: {damage}" for name, damage in damages if damage), None)
-
-
 def is_unfinished(path: Path) -> bool:
     """Return whether a file, or the newest one of a folder, is a log that was not closed."""
     if path.is_dir():
-        return any(is_unfinished(file) for file in files_in(path)[-1:])
+        return any(is_unfinished(file) for file in files_of_runs(path)[-1:])
     data = path.read_bytes() if path.is_file() else b""
     return data.startswith(MCAP0_MAGIC) and not is_closed(data)
 

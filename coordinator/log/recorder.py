@@ -18,7 +18,8 @@ from typing import Final, NamedTuple
 
 from coordinator.base.errors import InputError, LogError
 from coordinator.fleet.log_records import is_checkpoint_key
-from coordinator.log.log_file import RESUMED, next_file
+from coordinator.log.log_file import RESUMED
+from coordinator.log.log_folder import next_file
 from coordinator.log.log_writer import WRITE_ERRORS, Attachment, LogWriter, write_problem
 from coordinator.plan.plan_file import is_plan_name
 

@@ -8,17 +8,14 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Mapping
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from mcap import records as mcap_records
 from mcap.writer import Writer
 
-from coordinator.log.log_file import scan_log
+from coordinator.log.log_file import RECOVERED, scan_log
 from coordinator.log.log_writer import METADATA_NAME, Attachment, begin_file
 from coordinator.log.soundness import Sound
-
-RECOVERED: Final = "splinefleet.recovered"
-"""The name of the metadata record that describes the log before its repair."""
 
 
 class Whole(NamedTuple):

@@ -24,9 +24,9 @@ from coordinator.base.errors import InputError
 from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.hold_reasons import RollCall
-from coordinator.fleet.phases import GO_LEAD
 from coordinator.log.head import first_head, resumed
-from coordinator.log.log_file import files_in, is_unfinished, read_newest
+from coordinator.log.log_file import is_unfinished, read_newest
+from coordinator.log.log_folder import files_of_runs
 from coordinator.log.recorder import Recorder
 from coordinator.log.records import Log
 from coordinator.mission.aside_news import AsideNews
@@ -47,7 +47,7 @@ from coordinator.service.replay import go_on, scenario_of
 from coordinator.view.live_table import FleetTable
 from coordinator.view.order_lines import order_line
 from protocol.host_clock import host_clock_ns, time_of_day
-from protocol.phases import COMMAND_NAMES, GO, PHASE_NAMES
+from protocol.phases import COMMAND_NAMES, PHASE_NAMES
 from protocol.shared_clock import announce_clock
 from protocol.transport import Transport
 
@@ -185,6 +185,8 @@ class Coordinator:
             raise InputError([f"--resume: {resume} is the log of a fleet at --speed {speed[:40]}"])
         if not self._events:
             self._told = len(mission.fleet.incidents) - 1
+        for remark in log.remarks:
+            self._say("warning", text=f"{resume}: {remark}")
         self._aside_news.news(mission)  # The log's coordinator has told these.
         count = sum(not member.has_arrived for member in mission.fleet.members.planned)
         under_way = "1 robot is" if count == 1 else f"{count or 'no'} robots are"
@@ -249,7 +251,7 @@ class Coordinator:
         if resume is not None:
             head = resumed(head, b"" if goes_on else self._before, self._began_ns)
         is_folder = path.is_dir() or not (path.exists() or path.suffix)
-        if not goes_on and (path.is_file() or (path.is_dir() and files_in(path))):
+        if not goes_on and (path.is_file() or (path.is_dir() and files_of_runs(path))):
             earlier = _moved_away(path)
             self._say("warning", text=f"{path} is there already; it is now {earlier}")
         if is_folder:
@@ -330,15 +332,13 @@ class Coordinator:
 
     def _summarise(self, fleet: Fleet, arrived: bool, dropped: Mapping[str, int]) -> None:
         """Report how every robot ended; times count from the first GO."""
-        gone = (one for one in fleet.incidents if one.phase == GO)
-        zero_ns = next((one.now_ns + GO_LEAD for one in gone), 0)
         robots = [
             {
                 "id": member.id,
                 "phase": "lost" if member.lost else PHASE_NAMES[member.phase],
                 "arrived": None
                 if member.done_ns is None
-                else round((member.done_ns - zero_ns) / 1e9, 3),
+                else fleet.since_go_ms(member.done_ns) / 1000.0,
                 "rest_s": member.rest_s,
             }
             for member in fleet.members.values()

@@ -80,7 +80,7 @@ def check_log(log: Log) -> Check:
     try:
         mission = _begin(log)
     except _NotAgainError as error:
-        return _by_version(Check(0, 0, str(error)), log)
+        return _explained(Check(0, 0, str(error)), log)
     check = _compare(mission, log, log.records, searches=True)
     if check.difference:
         return check
@@ -104,7 +104,7 @@ def mission_at_end(log: Log) -> Mission:
     try:
         mission, records = _newest(log)
     except _NotAgainError as error:
-        raise InputError([_by_version(Check(0, 0, str(error)), log).difference]) from None
+        raise InputError([_explained(Check(0, 0, str(error)), log).difference]) from None
     check = _compare(mission, log, records, searches=False)
     if check.difference:
         raise InputError([check.difference])
@@ -113,16 +113,19 @@ def mission_at_end(log: Log) -> Mission:
 
 def _compare(mission: Mission, log: Log, records: list[Record], *, searches: bool) -> Check:
     check = _Rerun(mission, log.attachments, searches).compare(records, log.complete)
-    return _by_version(check, log)
+    return _explained(check, log)
 
 
-def _by_version(check: Check, log: Log) -> Check:
-    """Return the check; if it failed and another version wrote the log, add that version."""
-    wrote, ours = log.metadata.get(WRITTEN_BY, ""), version(WRITTEN_BY)
-    if not check.difference or wrote in ("", ours):
+def _explained(check: Check, log: Log) -> Check:
+    """Return the check; if it failed, say what else is known of the log that may be the cause."""
+    if not check.difference:
         return check
-    why = f"splinefleet {wrote} wrote this log, and only that version reproduces its bytes"
-    return check._replace(difference=f"{check.difference}; {why} (this is {ours})")
+    said = [*log.flaws, check.difference]
+    wrote, ours = log.metadata.get(WRITTEN_BY, ""), version(WRITTEN_BY)
+    if wrote not in ("", ours):
+        why = f"splinefleet {wrote} wrote this log, and only that version reproduces its bytes"
+        said.append(f"{why} (this is {ours})")
+    return check._replace(difference="; ".join(said))
 
 
 class _NotAgainError(Exception):

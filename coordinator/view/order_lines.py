@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Final
 
 from coordinator.fleet.orders import LEAVE
-from protocol.messages import ORDER_DONE, ORDER_STATES, UNDER_WAY, WAITING, OrderState
+from protocol.messages import ORDER_DONE, ORDER_STATES, UNDER_WAY, WAITING, Order, OrderState
 
 LATE_MS: Final = 200
 """A robot that is late by no more than this [ms] is not said to be late."""
@@ -35,6 +35,13 @@ def order_line(one: OrderState, time_of: TimeOfDay = since_go) -> str:
         by = f" by {one.robot}" if is_done_by_it else ""
         return f"{one.id} is done{by}{lateness(one)}{why}"
     return f"{one.id} is {ORDER_STATES[one.state]}{why}"
+
+
+def another_order(known: Order) -> str:
+    """Return a sentence for an operator whose order has the id of another order."""
+    place = ", ".join(f"{number:g}" for number in known.goal)
+    whose = f" for {known.robot}" if known.robot else ""
+    return f"{known.id} is another order{whose}, to ({place}); use another id"
 
 
 def arrival(one: OrderState, time_of: TimeOfDay) -> str:

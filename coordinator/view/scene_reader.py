@@ -33,6 +33,7 @@ def read_scene(source: Path) -> Scene:
     depths = range(len(logs) - 1, -1, -1)
     names = [f"{source}{f': {RESUMED}' * depth}" for depth in depths]
     scene = scene_of_logs(list(zip(names, logs, strict=True)))
+    scene = msgspec.structs.replace(scene, notes=[*log.remarks, *scene.notes])
     try:
         boxes = unpacked(log.attachments)
         if boxes:

@@ -14,7 +14,15 @@ import typer
 
 from coordinator.base.console import answer_json, answers, tell
 from coordinator.cli.log_commands import shown
-from coordinator.cli.plan_commands import Json, LogFile, Speed, make_folder, within
+from coordinator.cli.plan_commands import (
+    Json,
+    LogFile,
+    Speed,
+    given_log,
+    make_folder,
+    tell_remarks,
+    within,
+)
 from coordinator.service.key_option import Insecure, given_keys, where_to_listen
 from protocol.keys import NAME
 from sim.world.fault_script import fault_help
@@ -138,7 +146,6 @@ class Playing(NamedTuple):
 
 
 def _play(log: Path, asked: Playing, as_json: bool) -> None:
-    from coordinator.log.log_file import read_log
     from coordinator.log.traffic_replay import Wish, cues, play
     from coordinator.security.link_admission import player_access
     from protocol.zenoh_transport import ZenohTransport
@@ -146,9 +153,7 @@ def _play(log: Path, asked: Playing, as_json: bool) -> None:
     since, to, prefix, patience = asked.since, asked.to, asked.prefix, asked.wait_listener
     if to is not None and not since <= to:
         raise typer.BadParameter(f"{to:g} s is before --from {since:g}", param_hint="--to")
-    recorded = read_log(log)
-    if recorded.damage:
-        tell(f"{log}: {recorded.damage}; playing only the intact records")
+    recorded = given_log(log)
     found = cues(recorded, Wish(since, math.inf if to is None else to, asked.keys, prefix))
     own = given_keys(asked.key_folder, "coordinator")
     access = None if asked.key_folder is None else player_access(asked.key_folder)
@@ -183,13 +188,15 @@ def _carry_on(
 
 
 def _check(log: Path, as_json: bool) -> None:
-    from coordinator.log.log_file import check_bytes, read_log
+    from coordinator.log.log_file import read_log
     from coordinator.service.replay import Check, check_log
 
-    damage, recorded = check_bytes(log), read_log(log)
-    if recorded.metadata.get("passive") == "yes":
+    recorded = read_log(log)
+    damage = recorded.damage
+    if recorded.is_recording:
         damage = damage or "a listener's recording; only a coordinator's own log can be checked"
     result = Check(0, 0, damage) if damage else check_log(recorded)
+    tell_remarks(log, [one for one in recorded.remarks if one not in result.difference])
     if as_json:
         answer_json(result._asdict())
     elif not result.difference:

@@ -14,7 +14,7 @@ from typing import Annotated, cast, get_args
 import typer
 
 from coordinator.base.console import answer_json, answers, tell, write_file
-from coordinator.cli.plan_commands import Effort, Json, Page, within, writable
+from coordinator.cli.plan_commands import Effort, Json, Page, tell_remarks, within, writable
 from coordinator.service.key_option import Keys
 from sim.floors.layout import Kind, Size
 from sim.world.fault_script import fault_help as script_help
@@ -289,16 +289,18 @@ def judge(
 ) -> None:
     """Find out from the black boxes what happened: collisions, arrivals, tracking errors.
 
-    The folder holds plan.json or the coordinator's log (run.mcap, run-2.mcap, ...), which has the
-    plans in it, and ROBOT.csv or blackbox/ROBOT.csv of every robot.  If a log is named, its folder
-    is used.
+    The folder holds plan.json or the coordinator's log, which has the plans in it, and ROBOT.csv or
+    blackbox/ROBOT.csv of every robot.  If a log is named, its folder is used.
 
     Example: splinefleet judge runs/demo
     """
-    from sim.judging.judge import judge as judge_run
+    from sim.judging.evidence import gather
+    from sim.judging.judge import judge_evidence
     from sim.processes.summary import render_verdict
 
-    verdict = judge_run(source)
+    found = gather(source)
+    tell_remarks(source, found.remarks)
+    verdict = judge_evidence(found)
     if as_json:
         answer_json(verdict)
     else:

@@ -3,9 +3,9 @@
 Decides: where in a folder these are looked for, so that programs that were started one by one can
 be judged like a run.  Must not know: what a collision is.
 
-A folder holds `plan.json` or a log of the coordinator (`run.mcap`, `run-2.mcap`, ..., or one other
-`*.mcap`), and the black box of every robot: `blackbox/ROBOT.csv` or `ROBOT.csv`.  Naming a log
-instead means its folder, without the other logs in it.  Robots that joined may lack a black box.
+A folder holds `plan.json` or a log of the coordinator (log/log_file.py says which), and the black
+box of every robot: `blackbox/ROBOT.csv` or `ROBOT.csv`.  Naming a log instead means its folder,
+without the other logs in it.  Robots that joined may lack a black box.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from coordinator.base.errors import InputError
 from coordinator.findings.attendance import Attendance
 from coordinator.findings.attendance import Stay as Present
 from coordinator.log.box_file import start_of_box
-from coordinator.log.log_file import logs_before, read_log
+from coordinator.log.log_file import logs_before, read_folder, read_log
+from coordinator.log.log_folder import box_folders, hint_below
 from coordinator.log.records import Log, Record
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.plan_file import from_json, plan_name, read
@@ -65,7 +66,7 @@ class Evidence(NamedTuple):
     """The first plan, the later epochs according to the logs, and the black boxes by robot.
 
     `courses`: what robots got besides, by robot, in the order of their times.  `stays`: when robots
-    that joined or left were in the fleet.
+    that joined or left were in the fleet.  `remarks`: what one has to know of the log's files.
     """
 
     document: PlanDocument
@@ -73,6 +74,7 @@ class Evidence(NamedTuple):
     boxes: dict[str, BlackBox]
     courses: dict[str, list[FurtherCourse]]
     stays: dict[str, list[Stay]]
+    remarks: list[str]
 
 
 _Which = tuple[str, int, int, int]
@@ -136,8 +138,9 @@ def gather(source: Path) -> Evidence:
         present.take(message, record.log_ns)
         told.take(message, record, "" if place is None else place[2])
     stays = _stays(document, present, told)
-    boxes = _boxes(folder, document, present.stays, told)
-    return Evidence(document, _later(told), boxes, _courses(told), stays)
+    boxes = _boxes(source, document, present.stays, told)
+    remarks = logs[-1].remarks if logs else []
+    return Evidence(document, _later(told), boxes, _courses(told), stays, remarks)
 
 
 def _stays(document: PlanDocument, present: Attendance, told: _Told) -> dict[str, list[Stay]]:
@@ -163,13 +166,8 @@ def _stays(document: PlanDocument, present: Attendance, told: _Told) -> dict[str
 
 def _logs(source: Path) -> list[Log]:
     """Return the logs in order; a log comes after those that it was resumed from."""
-    if not source.is_dir():
-        log = read_log(source)
-        return [*logs_before(log), log]
-    paths = sorted(source.glob("run*.mcap"), key=lambda path: (len(path.name), path.name))
-    paths = paths or sorted(source.glob("*.mcap"))[:1]
-    newest = [read_log(path) for path in paths]
-    return [one for log in newest for one in (*logs_before(log), log)]
+    log = read_folder(source) if source.is_dir() else read_log(source)
+    return [] if log is None else [*logs_before(log), log]
 
 
 def _first_plan(folder: Path, source: Path, plans: Mapping[str, bytes]) -> PlanDocument:
@@ -179,7 +177,7 @@ def _first_plan(folder: Path, source: Path, plans: Mapping[str, bytes]) -> PlanD
     if source.is_dir() and (folder / "plan.json").exists():
         return read(folder / "plan.json")
     wanted = "plan.json, or a log that the coordinator wrote (--log run.mcap)"
-    raise InputError([f"{source}: holds no plan; `judge` needs {wanted}"])
+    raise InputError([f"{source}: holds no plan; `judge` needs {wanted}{hint_below(folder)}"])
 
 
 def _later(told: _Told) -> list[Epoch]:
@@ -210,19 +208,20 @@ def _courses(told: _Told) -> dict[str, list[FurtherCourse]]:
 
 
 def _boxes(
-    folder: Path, document: PlanDocument, robots: Iterable[str], told: _Told
+    source: Path, document: PlanDocument, robots: Iterable[str], told: _Told
 ) -> dict[str, BlackBox]:
     """Read the black boxes; InputError states all problems, with missing boxes on one line.
 
     A box that began at a GO that the logs do not know is of another run.
     """
     boxes: dict[str, BlackBox] = {}
+    folders = box_folders(source)
     missing: list[str] = []
     problems: list[str] = []
     needed = {robot.id for robot in document.robots}
     first = min(told.starts.values(), default=None)
     for robot in robots:
-        places = [folder / "blackbox" / f"{robot}.csv", folder / f"{robot}.csv"]
+        places = [folder / f"{robot}.csv" for folder in folders]
         found = next((place for place in places if place.exists()), None)
         if found is None:
             missing += [robot] if robot in needed else []
@@ -237,7 +236,7 @@ def _boxes(
             problems += error.problems
     if missing:
         one = missing[0]
-        wanted = f"{folder}/{one}.csv or {folder}/blackbox/{one}.csv"
+        wanted = f"{folders[1]}/{one}.csv or {folders[0]}/{one}.csv"
         how = f"`splinefleet agent {one} --blackbox {one}.csv` writes one"
         problems.insert(0, f"no black box of {', '.join(missing)}: there is no {wanted}; {how}")
     if problems:

@@ -23,7 +23,7 @@ from coordinator.plan.wire import Driven, drive, unpack
 from protocol.phases import DONE, FROZEN, IDLE, MOVING, PHASE_NAMES
 from sim.judging.blackbox import BlackBox
 from sim.judging.clearance import SolidGround
-from sim.judging.evidence import Epoch, FurtherCourse, Stay, gather
+from sim.judging.evidence import Epoch, Evidence, FurtherCourse, Stay, gather
 from sim.judging.polyline import Polyline
 
 NO_COURSES: Final[Mapping[str, Sequence[FurtherCourse]]] = {}
@@ -97,7 +97,11 @@ def judge(source: Path) -> Verdict:
     When there is a log, which states when each epoch began, the robots are also compared with the
     plans of later epochs.
     """
-    found = gather(source)
+    return judge_evidence(gather(source))
+
+
+def judge_evidence(found: Evidence) -> Verdict:
+    """Judge the evidence of a run."""
     return judge_boxes(found.document, found.boxes, found.later, found.courses, found.stays)
 
 

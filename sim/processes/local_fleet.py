@@ -24,10 +24,12 @@ import msgspec
 
 from coordinator.base.console import tell_now
 from coordinator.base.interrupts import held_back
+from coordinator.log.box_file import box_text
 from coordinator.scenario.model import Robot, Scenario
 from coordinator.scenario_files.scenario_reader import scenario_to_json
 from protocol.endpoint import endpoint_of
 from protocol.host_clock import host_clock_ns
+from sim.judging.blackbox import parse_blackbox
 from sim.processes.programs import Programs
 from sim.processes.relay import Relay
 from sim.processes.run_folder import clear_folder, drop_starts
@@ -118,6 +120,8 @@ class LocalFleet:
                 self._drive_on()
             code = self._coordinator.wait()
             self._say_goodbye()
+        if code == -signal.SIGKILL and self._start_ns:
+            self._tell_how_to_go_on()
         return Outcome(code, self.has_started, self._told)
 
     @property
@@ -217,15 +221,24 @@ class LocalFleet:
         return killed and any(strike.act == "resume" for strike in self._strikes)
 
     def _tell_if_killed(self) -> None:
-        """Tell what a coordinator that was killed leaves behind, and how to go on."""
-        if self._coordinator.wait() != -signal.SIGKILL:
-            return
-        tell_now("the coordinator has ended: robots stand where their authority ends")
+        """Tell what a coordinator that was killed leaves behind."""
+        if self._coordinator.wait() == -signal.SIGKILL:
+            tell_now("the coordinator has ended: robots stand where their authority ends")
+
+    def _tell_how_to_go_on(self) -> None:
+        """Tell how to go on from the last log, and where each robot's program is started again."""
         log, later = self._logs[-1], self.folder / f"run-{len(self._logs) + 1}.mcap"
         command = self._programs.coordinator_for_people(
             self._meet, f"--resume={log}", f"--log={later}", *self._desk
         )
-        tell_now(f"to go on: `{command}`; start the robots again where they stand, and admit them")
+        tell_now(f"to go on: `{command}`; then start the robots where they stand, and admit them")
+        for robot in self.scenario.robots:
+            box = self.folder / "blackbox" / f"{robot.id}.csv"
+            rows = parse_blackbox(box_text(box, None), str(box))[0] if box.is_file() else None
+            if rows is not None and len(rows):
+                x, y, heading = rows[-1, 1:4]
+                told = self._programs.way_back(robot.id, self.endpoint, (x, y, heading))
+                tell_now(f"{robot.id} stands at ({x:.2f}, {y:.2f}): {told}")
 
     def _next_strike_s(self) -> float | None:
         """Return the real seconds until the next strike, None when none is left."""

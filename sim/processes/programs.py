@@ -61,6 +61,15 @@ class Programs:
         """Return the same command as a person types it: it prints lines, not JSON."""
         return shlex.join(["splinefleet", *self._coordinator(*options)])
 
+    def way_back(self, robot: str, endpoint: str, pose: tuple[float, float, float]) -> str:
+        """Return the commands that a person types to start a robot at a pose and to admit it."""
+        reach = [robot, f"--connect={endpoint}", f"--fleet={self._fleet}"]
+        place = [f"{number:.3f}" for number in pose]
+        agent = ["splinefleet", "agent", *reach, *self._both, "--at", *place]
+        keys = [] if self._keys is None else [f"--keys={self._keys}"]
+        admit = ["splinefleet", "admit", *reach, *keys]
+        return f"`{shlex.join(agent)}`, then `{shlex.join(admit)}`"
+
     def _coordinator(self, *options: str) -> list[str]:
         scenario, effort = self._folder / "scenario.json", f"--effort={self._effort}"
         return ["coordinator", str(scenario), *options, *self._both, effort]

@@ -82,7 +82,7 @@ def read_history(path: Path, until: float) -> History:
     newest = read_log(path)
     logs = [*logs_before(newest, str(path)), newest]
     before = [log.attachments[RESUMED] for log in logs[1:]]
-    if logs[-1].metadata.get("passive") == "yes":
+    if logs[-1].is_recording:
         raise InputError([f"{path}: a listener's recording; only a coordinator's log can continue"])
     began_ns = first_go(logs, 0)
     if began_ns is None:

@@ -16,7 +16,8 @@ from random import Random
 from typing import Final, NamedTuple
 
 from coordinator.base.errors import InputError
-from sim.world.fault_text import Fault
+from sim.world.fault_text import KINDS as PROCESS_KINDS
+from sim.world.fault_text import Fault, not_one_of
 
 MOST_FAULTS: Final = 4
 
@@ -143,7 +144,7 @@ def _problem(text: str, robots: Sequence[str]) -> str:
     name = found["kind"] if found else text.split(":")[0].split("@")[0]
     kind = KINDS.get(name)
     if kind is None:
-        return f"{name!r} is not one of {', '.join(KINDS)}"
+        return not_one_of(name, KINDS, "run" if name in PROCESS_KINDS else "")
     form = f"is not of the form {form_of(name)}"
     if found is None or (found["robot"] is None) != _is_coordinators(name):
         return form

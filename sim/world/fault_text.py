@@ -96,6 +96,10 @@ KINDS: Final = {
 }
 
 
+ONLY_VIRTUAL: Final = ("restart", "clock-pause", "clock-jump", "driver-error")
+"""The kinds that there are in virtual time only (fault_script.py)."""
+
+
 @dataclass(frozen=True)
 class Fault:
     """A fault of one kind at a time [s since GO]; robot "" is the coordinator."""
@@ -175,7 +179,7 @@ def _problem(text: str, robots: Sequence[str]) -> str:
     name = found["kind"] if found else text.split(":")[0].split("@")[0]
     kind = KINDS.get(name)
     if kind is None:
-        return f"{name!r} is not one of {', '.join(KINDS)}"
+        return not_one_of(name, KINDS, "simulate" if name in ONLY_VIRTUAL else "")
     if found is None or (found["robot"] is None) != name.startswith(_COORDINATOR):
         return f"is not of the form {form_of(name)}"
     given = found["value"]
@@ -188,6 +192,13 @@ def _problem(text: str, robots: Sequence[str]) -> str:
     if given is not None and not kind.least <= float(given) <= kind.most:
         return f"{kind.number} {given} is not within {kind.least:g} to {kind.most:g}"
     return ""
+
+
+def not_one_of(name: str, kinds: Iterable[str], command: str) -> str:
+    """Return that a fault is not one of these kinds; `command`: the one that has it, if one has."""
+    if command:
+        return f"{name!r} is only with `{command}`; here it is one of {', '.join(kinds)}"
+    return f"{name!r} is not one of {', '.join(kinds)}"
 
 
 def _fault(text: str) -> Fault:

@@ -48,11 +48,15 @@ def idle(fault=0):
         ("hall", HOLD, True, None, CLOCK_UNSURE, "does not arm, clock not certain"),
         (
             "hall", GO, True, HERE, 0,
-            "fleet hall is under way without it; `splinefleet admit R3 --connect ...` lets it in",
+            "fleet hall is under way without it; "
+            "`splinefleet join R3 --at 1.000,2.000,0.000 --connect ...` takes in a new robot, "
+            "`splinefleet admit R3 --connect ...` lets in one that was there before",
         ),
         (
             "hall", GO, True, None, 0,
-            "fleet hall is under way without it; `splinefleet admit R3 --connect ...` lets it in, "
+            "fleet hall is under way without it; "
+            "`splinefleet join R3 --at X,Y,HEADING --connect ...` takes in a new robot, "
+            "`splinefleet admit R3 --connect ...` lets in one that was there before, "
             "after a start with --at X Y HEADING",
         ),
     ],

@@ -75,3 +75,22 @@ def test_what_the_standard_library_reads_is_read_alike_unless_a_key_is_deep(text
         while isinstance(inner, dict) and inner:
             depth, inner = depth + 1, max(inner.values(), key=lambda v: isinstance(v, dict))
         assert depth > 30
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "line"),
+    [
+        ('name = "a"\nname = "b"', "name", 2),
+        ('name = "a"\r\n\r\nname = "b" # again\r\ntau = 1\r\n', "name", 3),
+        ('[[robots]]\nid = "x"\n"i d" = 1\n"i d" = [\n  1,\n  2,\n]\nx = 1', '"i d"', 4),
+        ("a.b = 1\na . b = 2\n", "a . b", 2),
+        ("[a]\nb = 1\n[a.b]\nc = 1", "a.b", 3),
+        ("a = 1\n[[ a ]]\nb = 2", "a", 2),
+        ("x = 1\nx = {a = 1, b = 2}\n", "x", 2),
+    ],
+)
+def test_a_key_that_is_there_twice_is_named_with_its_line(text, key, line):
+    with pytest.raises(tomllib.TOMLDecodeError) as caught:
+        toml_of(text)
+    said = f"{key}: the key appears more than once in one table (at line {line})"
+    assert str(caught.value) == said

@@ -125,7 +125,10 @@ def test_a_file_of_no_kind_is_still_told_with_its_fault():
             "--resume: gone.mcap: No such file or directory",
         ),
         ("coordinator hall.toml --resume hall.toml", "--resume: hall.toml is a scenario"),
-        ("coordinator hall.toml --resume .", "--resume: .: Is a directory"),
+        (
+            "coordinator hall.toml --resume .",
+            "--resume: .: has no log in files run-0001.mcap",
+        ),
         ("coordinator hall.toml --log new/run.mcap", "'--log': new/run.mcap: there is no folder"),
         ("coordinator hall.toml --plan-out p.txt", "'--plan-out': p.txt does not end in .json"),
     ],

@@ -42,7 +42,7 @@ class FakeFleet(Transport):
     """A link whose other side answers every operator's message from a thread, like a real one.
 
     `said` are the messages that arrived.  Orders for R9 and robots that are not R1 are refused; the
-    second order for R1 waits for ever.
+    second order for R1 waits for ever.  There is an order `taken` to (9, 5) for R1.
     """
 
     def __init__(self):
@@ -72,7 +72,10 @@ class FakeFleet(Transport):
         self.tell(keys.command(FLEET), a_command(self.phase))
 
     def _answer(self, message, name):
-        if isinstance(message, Order):
+        if isinstance(message, Order) and message.id == "taken":
+            known = Order(message.boot, "taken", (9.0, 5.0), "R1")
+            self.tell(keys.orders(FLEET, "taken"), known)
+        elif isinstance(message, Order):
             is_known = message.robot in ("", "R1")
             waits = message.after or message.robot in self._busy
             state = UNDER_WAY if is_known and not waits else WAITING

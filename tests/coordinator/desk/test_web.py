@@ -84,6 +84,13 @@ def test_an_order_goes_to_the_fleet_with_who_gave_it_and_its_state_comes_back(de
     assert state in ask(address, "api/orders")[1]
 
 
+def test_an_order_with_the_id_of_another_one_is_refused_with_where_that_one_leads(desk):
+    _, address = desk
+    status, problem = ask(address, "api/orders", "POST", {"goal": [1.0, 2.0], "id": "taken"})
+    assert status == 409
+    assert problem["error"] == "taken is another order for R1, to (9, 5); use another id"
+
+
 def test_an_order_that_comes_after_another_one_is_answered_while_it_waits(desk):
     fleet, address = desk
     status, state = ask(

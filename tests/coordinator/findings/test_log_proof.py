@@ -8,6 +8,7 @@ from coordinator.cli.plan_commands import commands
 from coordinator.findings.granted_courses import GrantedCourses
 from coordinator.findings.log_proof import prove_log
 from coordinator.log.log_file import logs_before, read_log
+from coordinator.log.recover import make_whole
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_scenario
 from coordinator.proof.granted import Granted
@@ -250,3 +251,27 @@ def test_the_log_of_a_coordinator_that_took_over_is_proven_from_the_one_before(a
     logs = [read_log(path) for path in sorted(tmp_path.glob("*.mcap"))]
     assert len(logs) == 2
     assert all(prove_log(log, before=logs_before(log)).holds for log in logs)
+
+
+def test_a_log_that_has_lost_messages_is_not_proven(log_path, tmp_path):
+    data = bytearray(log_path.read_bytes())
+    chunk = read_log(log_path).records[0].offset
+    data[chunk + 60] ^= 0xFF
+    damaged, whole = tmp_path / "damaged.mcap", tmp_path / "whole.mcap"
+    damaged.write_bytes(data)
+    whole.write_bytes(make_whole(bytes(data), "damaged.mcap").data)
+    for path in (damaged, whole):
+        done = CliRunner().invoke(commands, ["verify", str(path), "--json"])
+        told = msgspec.json.decode(done.stdout)
+        assert (done.exit_code, told["holds"]) == (1, False)
+        assert f"damaged at byte {chunk} (chunk)" in told["damage"]
+        shown = " ".join(CliRunner().invoke(commands, ["verify", str(path)]).stdout.split())
+        assert "messages may be missing, and these are not proven" in shown
+    assert prove_log(read_log(log_path)).damage == ""
+
+
+def test_a_log_that_was_cut_short_and_recovered_is_proven(log_path, tmp_path):
+    data = log_path.read_bytes()
+    whole = tmp_path / "whole.mcap"
+    whole.write_bytes(make_whole(data[: len(data) // 2], "cut.mcap").data)
+    assert prove_log(read_log(whole)).holds

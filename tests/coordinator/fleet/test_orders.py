@@ -5,7 +5,7 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 
-from coordinator.fleet.orders import OrderBook, PlainBook, order_of
+from coordinator.fleet.orders import OrderBook, PlainBook, known_order, order_of
 from coordinator.scenario.model import Demand, Order
 from protocol import messages
 from protocol.messages import CANCELLED, ORDER_DONE, REFUSED, UNDER_WAY, WAITING
@@ -169,6 +169,31 @@ def test_an_operators_order_that_comes_later_waits_and_says_for_what():
         one.cancel("a", 9_000)
         look(one, 9_100)
         assert ids(one.waiting()) == ["b"]
+
+
+def test_an_order_with_the_id_of_one_to_another_goal_or_for_another_robot_is_another_one():
+    later = Order(id="b", goal=(5.0, 5.0), release=9.0)
+    book = OrderBook((later,), robots=ROBOTS)
+    given = Order(id="a", goal=(1.0, 1.0), robot="R1")
+    book.give(given, 0)
+    for order, other in (
+        (given, None),
+        (msgspec.structs.replace(given, goal=(1.0, 1.0, 0.0)), given),
+        (msgspec.structs.replace(given, robot=""), given),
+        (Order(id="b", goal=(1.0, 1.0)), later),
+        (Order(id="c", goal=(1.0, 1.0)), None),
+    ):
+        assert book.other(order) == other
+    assert known_order(given, 7) == messages.Order(7, "a", (1.0, 1.0), "R1")
+
+
+def test_an_order_that_was_over_before_a_checkpoint_is_not_said_to_be_another_one():
+    book, order = OrderBook(robots=ROBOTS), Order(id="a", goal=(1.0, 1.0))
+    book.end(book.give(order, 0), ORDER_DONE)
+    resumed = OrderBook(robots=ROBOTS)
+    resumed.take_plain(msgspec.convert(msgspec.to_builtins(book.plain()), PlainBook))
+    assert resumed.tasks["a"].is_over
+    assert resumed.other(Order(id="a", goal=(2.0, 2.0))) is None
 
 
 def make_room(book, now_ms, robot="R1", goal=(5.0, 5.0)):

@@ -9,9 +9,10 @@ from mcap.writer import Writer
 
 from coordinator.base.errors import InputError
 from coordinator.log import log_writer
-from coordinator.log.log_file import check_bytes, read_log
+from coordinator.log.log_file import read_log
 from coordinator.log.log_writer import Attachment
 from coordinator.log.recorder import Recorder
+from coordinator.log.soundness import scan
 from protocol import keys
 
 WALL = 1_700_000_000_000_000_000
@@ -41,7 +42,6 @@ def test_what_was_recorded_is_read_back_in_order_on_the_coordinators_clock(tmp_p
     log = read_log(path)
     assert log.complete
     assert log.damage == ""
-    assert check_bytes(path) is None
     assert log.metadata == {"fleet": "f", "wall_offset_ns": str(WALL)}
     assert log.attachments == {each.name: each.data for each in ATTACHMENTS}
     assert [(r.payload[0], r.log_ns, r.publish_ns) for r in log.records] == [
@@ -88,15 +88,15 @@ def test_a_log_cut_anywhere_keeps_every_complete_chunk(tmp_path):
 
 @pytest.mark.usefixtures("small_chunks")
 def test_no_byte_of_a_closed_log_changes_unseen(tmp_path):
-    path, changed = tmp_path / "run.mcap", tmp_path / "changed.mcap"
+    path = tmp_path / "run.mcap"
     write_log(path, messages=6)
     data = path.read_bytes()
     chance = random.Random(1)
     for position in range(len(data)):
         spoilt = bytearray(data)
         spoilt[position] ^= chance.randrange(1, 256)
-        changed.write_bytes(spoilt)
-        assert (check_bytes(changed) or "").startswith("damaged at byte "), position
+        damage = scan(bytes(spoilt))[1]
+        assert damage.startswith("damaged at byte "), position
 
 
 @pytest.mark.usefixtures("small_chunks")
@@ -131,7 +131,6 @@ def test_damage_is_told_where_it_is_and_costs_only_its_chunk(tmp_path):
     data[victim + 60] ^= 0xFF
     path.write_bytes(data)
     log = read_log(path)
-    assert log.damage == check_bytes(path)
     assert log.damage.startswith(f"damaged at byte {victim} (chunk)")
     assert log.complete
     assert log.records == [r for r in whole.records if r.offset != victim]
@@ -142,7 +141,7 @@ def test_bytes_after_the_end_are_damage(tmp_path):
     write_log(path)
     size = path.stat().st_size
     path.write_bytes(path.read_bytes() + b"more")
-    assert check_bytes(path) == (
+    assert read_log(path).damage == (
         f"damaged at byte {size - 8}: the file does not end as an MCAP file does"
     )
 
@@ -172,7 +171,7 @@ def test_what_is_no_log_of_a_fleet_is_refused_in_one_line(tmp_path):
     (tmp_path / "nothing").mkdir()
     for path, reason in (
         (tmp_path / "none.mcap", "No such file or directory"),
-        (tmp_path / "nothing", "holds no log (run-0001.mcap, ...)"),
+        (tmp_path / "nothing", "holds no log"),
         (text, "is not an MCAP file"),
         (empty, "is not an MCAP file"),
         (foreign, "is not the log of a fleet"),
@@ -180,5 +179,3 @@ def test_what_is_no_log_of_a_fleet_is_refused_in_one_line(tmp_path):
         with pytest.raises(InputError) as caught:
             read_log(path)
         assert caught.value.problems == (f"{path}: {reason}",)
-    with pytest.raises(InputError):
-        check_bytes(text)

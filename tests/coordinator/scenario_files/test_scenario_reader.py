@@ -142,7 +142,7 @@ UNREADABLE = {
     "a file that is not UTF-8": (b"a = 1\nname = '\xff'", "bad.toml", "line 2: is not UTF-8"),
     "TOML with a syntax error": (b"a = 1\n= 2", "bad.toml", "line 2: Invalid"),
     "TOML that ends early": (b"a = 1\nb = [1,", "bad.toml", "line 2: "),
-    "a TOML key that stands twice": (b"a = 1\na = 2", "bad.toml", "line 2: "),
+    "a TOML key that stands twice": (b"a = 1\na = 2", "bad.toml", "line 2: a: the key appears"),
     "JSON with a syntax error": (b'{"a": 1,\n,}', "bad.toml", "line 2: "),
     "a JSON key that stands twice": (b'{"a": 1, "a": 2}', "bad.json", "a: the key appears"),
     "JSON that is a list": (b"[]", "bad.json", "file: a list of 0 is not a table"),

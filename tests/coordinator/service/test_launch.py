@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from coordinator.fleet.events import Incident
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.mission.mission import Mission
 from coordinator.mission.replanning_input import Aside, Site
@@ -15,7 +14,6 @@ from coordinator.service import launch
 from coordinator.service.launch import Coordinator
 from coordinator.service.meeting_place import MeetingPlace
 from coordinator.view.live_table import FleetTable
-from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD
 from protocol.timing import SECOND
 from tests.scenarios import a_robot, a_scenario
 
@@ -66,11 +64,10 @@ def test_a_robot_that_may_stand_on_a_stretch_is_said_to_stand_between_its_ends()
 def test_arrivals_count_from_the_first_go_whatever_epoch_they_were_in(told):
     mission = Mission.of_plan(HALL, plan_fleet(HALL, effort=0), 9, lambda *_: None)
     fleet, coordinator = mission.fleet, Coordinator(HALL, effort=0, speed=1.0, events=False)
-    fleet.incidents += [
-        Incident(seconds * SECOND, "phase", "", COMMAND_NAMES[phase], phase)
-        for seconds, phase in ((5, HOLD), (6, GO), (9, FREEZE), (10, HOLD), (11, GO))
-    ]
-    fleet.start_ns = 11 * SECOND + GO_LEAD
+    events = (6, "all armed"), (9, "floor changed"), (10, "planned"), (11, "all armed")
+    for seconds, event in events:
+        fleet._turn(event, seconds * SECOND)
+    assert fleet.times.start_ns == 11 * SECOND + GO_LEAD
     fleet.members["R1"].done_ns = 20 * SECOND + GO_LEAD
     coordinator._summarise(fleet, False, {})
     assert told == ["R1: arrived 14.0 s after the first GO", "R2: ended idle"]

@@ -5,10 +5,11 @@ import random
 import pytest
 from msgspec.structs import replace
 
+from coordinator.base.errors import InputError
 from coordinator.log.log_file import log_from_bytes
 from coordinator.log.log_writer import Attachment
-from coordinator.log.recover import with_files
-from coordinator.service.replay import check_log
+from coordinator.log.recover import make_whole, with_files
+from coordinator.service.replay import check_log, go_on
 from coordinator.view.scene_reader import read_scene
 from protocol import keys
 from protocol.codec import decode, encode
@@ -80,6 +81,33 @@ def test_a_log_that_goes_on_from_one_that_is_over_differs_and_names_no_option(lo
     difference = check_log(again).difference
     assert difference.startswith("resumed.mcap, which it resumes: the fleet in this log")
     assert "--resume" not in difference
+
+
+def damaged(recorded):
+    """The log's bytes with a changed byte in a chunk of its first half, and where that chunk is."""
+    records = log_from_bytes(recorded, "run.mcap").records
+    chunk = records[len(records) // 3].offset
+    data = bytearray(recorded)
+    data[chunk + 60] ^= 0xFF
+    return bytes(data), chunk
+
+
+def test_a_difference_in_a_damaged_log_begins_with_the_damage(recorded):
+    data, chunk = damaged(recorded)
+    with pytest.raises(InputError) as caught:
+        go_on(log_from_bytes(data, "run.mcap"), 10, 10**12)
+    (problem,) = caught.value.problems
+    assert problem.startswith(f"the log cannot be resumed: damaged at byte {chunk} (chunk): ")
+    assert "; message " in problem
+
+
+def test_a_difference_in_a_recovered_log_begins_with_what_it_was_before(recorded):
+    data, chunk = damaged(recorded)
+    whole = log_from_bytes(make_whole(data, "run.mcap").data, "whole.mcap")
+    said = f"recovered (before: damaged at byte {chunk} (chunk)"
+    assert check_log(whole).difference.startswith(said)
+    cut = log_from_bytes(make_whole(recorded[: len(recorded) // 2], "cut.mcap").data, "whole.mcap")
+    assert cut.remarks == ["recovered (before: not closed)"]
 
 
 def test_a_broken_black_box_is_left_out_of_the_picture_with_a_note(tmp_path, recorded):

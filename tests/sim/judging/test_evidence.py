@@ -30,12 +30,12 @@ def attachment(name, content):
     return Attachment(name, "application/octet-stream", content)
 
 
-def write_log(path, plans, epochs, before=None, name="f"):
+def write_log(path, plans, epochs, before=None, name="f", **metadata):
     """A log in which each epoch is in HOLD from 10 s times its number, with GO 2 s later."""
     attached = [attachment(f"plan-{epoch}.json", to_json(plans[epoch])) for epoch in epochs]
     if before is not None:
         attached.append(attachment("resumed.mcap", before.read_bytes()))
-    metadata = {"fleet": name}
+    metadata["fleet"] = name
     with Recorder(path, metadata=metadata, wall_offset_ns=0, attachments=attached) as log:
         for epoch in epochs:
             at = 10 * epoch * SECOND
@@ -72,6 +72,42 @@ def test_a_log_that_goes_on_from_another_tells_the_epochs_of_both(tmp_path, plan
     found = gather(second)
     assert found.document.epoch == 1
     assert [one.document.epoch for one in found.later] == [2]
+
+
+def test_a_folder_is_judged_by_the_log_that_resumes_the_other_whatever_their_names(tmp_path, plans):
+    first = write_log(tmp_path / "first.mcap", plans, (1,), boot="9")
+    write_log(tmp_path / "second.mcap", plans, (2,), before=first, boot="10")
+    write_boxes(tmp_path)
+    (tmp_path / "export.mcap").write_bytes(b"not a log")
+    found = gather(tmp_path)
+    assert found.document.epoch == 1
+    assert [one.document.epoch for one in found.later] == [2]
+    assert found.remarks == ["not part of the log: export.mcap"]
+
+
+def test_a_plan_file_beside_what_is_no_log_is_enough(tmp_path, plans):
+    (tmp_path / "plan.json").write_bytes(to_json(plans[1]))
+    (tmp_path / "export.mcap").write_bytes(b"not a log")
+    write_boxes(tmp_path)
+    assert gather(tmp_path).later == []
+
+
+def test_black_boxes_may_be_beside_a_log_that_is_a_folder_or_in_it(tmp_path, plans):
+    day = tmp_path / "day"
+    day.mkdir()
+    write_log(day / "run-0001.mcap", plans, (1,))
+    write_boxes(tmp_path)
+    assert sorted(gather(day).boxes) == ["R1", "R2"]
+    write_boxes(day)
+    (tmp_path / "R1.csv").write_text("x")
+    assert sorted(gather(day).boxes) == ["R1", "R2"]
+
+
+def test_a_folder_beside_a_log_that_is_a_folder_says_where_the_log_is(tmp_path, plans):
+    (tmp_path / "day").mkdir()
+    write_log(tmp_path / "day" / "run-0001.mcap", plans, (1,))
+    (problem,) = problems_of(tmp_path)
+    assert problem.endswith("(--log run.mcap); a log is in day")
 
 
 def test_a_plan_file_is_enough_without_a_log(tmp_path, plans):

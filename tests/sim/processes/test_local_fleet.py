@@ -70,8 +70,19 @@ def test_a_run_whose_coordinator_was_killed_tells_how_to_go_on(tmp_path, capsys)
     fleet._coordinator.kill()
     fleet._events.put((fleet._coordinator, None))
     fleet._drive_on()
-    ended, how = capsys.readouterr().err.splitlines()
+    (ended,) = capsys.readouterr().err.splitlines()
     assert ended.endswith("the coordinator has ended: robots stand where their authority ends")
+    (tmp_path / "blackbox").mkdir()
+    rows = "0.0,0,0,0,0,moving,\n2.0,1.23456,-2.5,-0.5,3.0,armed,\n"
+    (tmp_path / "blackbox" / "R2.csv").write_text(f"t,x,y,heading,s,phase,estimate\n{rows}")
+    fleet._tell_how_to_go_on()
+    how, where = capsys.readouterr().err.splitlines()
+    reach = f"R2 --connect={fleet.endpoint} --fleet=paper-five"
+    assert where.endswith(
+        f"R2 stands at (1.23, -2.50): "
+        f"`splinefleet agent {reach} --speed=2.0 --at 1.235 -2.500 -0.500`, "
+        f"then `splinefleet admit {reach}`"
+    )
     assert f"`splinefleet coordinator {tmp_path}/scenario.json --listen=tcp/127.0.0.1:" in how
     assert f"--resume={tmp_path}/run.mcap --log={tmp_path}/run-2.mcap --speed=2.0" in how
 

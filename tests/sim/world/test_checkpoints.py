@@ -7,6 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from coordinator.base.errors import InputError
+from coordinator.findings.traffic_numbers import first_go
 from coordinator.fleet.log_records import is_checkpoint_key
 from coordinator.log.log_file import log_from_bytes, read_log
 from coordinator.mission import mission_driver
@@ -15,6 +16,7 @@ from coordinator.mission.in_force import in_force_failures
 from coordinator.plan.course_staircases import CourseStaircases
 from coordinator.plan.staircases import NO_STAIRCASES
 from coordinator.scenario.model import Demand
+from coordinator.service.launch import Coordinator
 from coordinator.service.replay import check_log, go_on, mission_at_end, scenario_of
 from protocol.messages import UNDER_WAY
 from protocol.timing import SECOND
@@ -71,6 +73,22 @@ def cut_under_way(world, logs):
 def killed(tmp_path):
     logs = RunLogs(tmp_path)
     return cut_under_way(a_world(a_busy_day("warehouse", 6, 3), logs=logs), logs)
+
+
+def test_arrivals_count_from_the_first_go_after_a_checkpoint_that_follows_it(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(mission_driver, "_CHECKPOINT_SHARE", 0)
+    logs = RunLogs(tmp_path)
+    world = a_world(a_busy_day("warehouse", 6, 3), logs=logs, checkpoint_bytes=10_000)
+    log = cut_under_way(world, logs)
+    go_ns = first_go([log], 0)
+    assert [one for one in log.records if is_checkpoint_key(one.key)][-1].log_ns > go_ns
+    fleet = go_on(log, 77, log.records[-1].log_ns + 9 * SECOND).fleet
+    fleet.members["R1"].done_ns = go_ns + 41 * SECOND
+    coordinator = Coordinator(scenario_of(log), effort=0, speed=1.0, events=False)
+    coordinator._summarise(fleet, False, {})
+    assert "R1: arrived 41.0 s after the first GO" in capsys.readouterr().err
 
 
 def test_nothing_is_planned_to_go_on(killed, monkeypatch):

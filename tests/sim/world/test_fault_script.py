@@ -14,7 +14,8 @@ from sim.world.fault_script import (
     read_faults,
     write_fault,
 )
-from sim.world.fault_text import Fault
+from sim.world.fault_text import KINDS as PROCESS_KINDS
+from sim.world.fault_text import ONLY_VIRTUAL, Fault
 
 ROBOTS = ("R1", "R2", "R3")
 
@@ -34,6 +35,10 @@ ROBOTS = ("R1", "R2", "R3")
 )
 def test_a_fault_is_written_as_it_was_read(text):
     assert [write_fault(one) for one in read_faults([text], ROBOTS)] == [text]
+
+
+def test_the_kinds_that_real_processes_do_not_have_are_known_to_them():
+    assert set(ONLY_VIRTUAL) == KINDS.keys() - PROCESS_KINDS.keys()
 
 
 def test_what_is_drawn_reads_back_the_same():
@@ -62,6 +67,7 @@ def test_faults_come_under_way_and_some_soon_after_another():
     ("text", "problem"),
     [
         ("burn:R1@3", "'burn' is not one of"),
+        ("coordinator-kill@3", "'coordinator-kill' is only with `run`; here it is one of kill, "),
         ("kill@3", "is not of the form kill:ROBOT@SECONDS"),
         ("slow:R1@3", "is not of the form slow:ROBOT@SECONDS:SHARE"),
         ("slow:R1@3:1.5", "SHARE 1.5 is not within 0 to 1"),

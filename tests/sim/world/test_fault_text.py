@@ -68,6 +68,7 @@ def test_strikes_of_several_faults_are_in_order_of_time():
     ("text", "said"),
     [
         ("explode:R1@3", "'explode' is not one of kill"),
+        ("restart:R1@3", "'restart' is only with `simulate`; here it is one of kill, "),
         ("kill:R7@3", "no robot R7"),
         ("kill@3", "kill:ROBOT@SECONDS"),
         ("kill:R1", "kill:ROBOT@SECONDS"),

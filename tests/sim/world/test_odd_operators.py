@@ -39,6 +39,7 @@ from sim.world.virtual_service import VirtualService
 from tests.sim.world.test_orders_in_time import (
     a_world,
     admit,
+    assert_sound,
     idle,
     long_hall,
     operator,
@@ -54,6 +55,33 @@ def a_hall(**fields):
 
 def reasons(world):
     return {name: task.reason for name, task in world.fleet.orders.tasks.items()}
+
+
+def test_an_order_with_the_id_of_another_one_changes_nothing_and_is_told_of_that_one(
+    tmp_path,
+):
+    logs = RunLogs(tmp_path)
+    world = a_hall(logs=logs)
+    say, told = operator(world), []
+    session = world._network.session("beside")
+
+    def hear(_key, payload, _sent_ns):
+        told.append(decode("orders", payload))
+
+    session.subscribe(keys.orders(world.fleet.name, "o"), hear)
+    world.run(3.0)
+    say(Said(9, "o", (6.0, 3.0), "R1"))
+    world.run(1.0)
+    said_before = len(told)
+    say(Said(5, "o", (2.0, 5.0), "R1"))
+    world.run(1.0)
+    assert Said(5, "o", (6.0, 3.0), "R1") in told[said_before:]
+    assert world.fleet.orders.tasks["o"].order.goal == (6.0, 3.0)
+    say(Tell(9, END))
+    world.run(60.0)
+    logs.close()
+    assert states(world) == {"o": ORDER_DONE}
+    assert_sound(world, logs)
 
 
 def test_a_robot_that_may_not_join_yet_is_unknown_and_cannot_leave():
