@@ -30,6 +30,7 @@ from coordinator.scenario.checks import (
 )
 from coordinator.scenario.file_kinds import LOG_MAGIC, kind_of_document, wrong_kind
 from coordinator.scenario.model import (
+    MOST_ROBOTS,
     Link,
     Policy,
     Pose,
@@ -43,7 +44,6 @@ from coordinator.scenario_files.path_table import read_path
 from coordinator.scenario_files.table_reader import MOST_PRIORITY, Table
 from coordinator.scenario_files.workspace_reader import read_workspace
 
-MOST_ROBOTS: Final = 10_000
 LINK_QUANTITIES: Final = {
     "delay": Quantity("s", from_least=True, most=5.0),
     "loss": Quantity(from_least=True, most=0.5),
