@@ -155,10 +155,13 @@ def path_faults(where: str, path: Path, names: PathNames = PATH_NAMES) -> Iterat
         )
     if path.degree not in _DEGREES:
         yield f"{where}.degree: is {path.degree}, must be 1 to 7"
-    elif count <= path.degree:
+        return
+    if count <= path.degree:
         least = path.degree + 1
         yield f"{where}.{names.points}: has {count}, degree {path.degree} needs {least} or more"
-    elif len(path.knots) != count + path.degree + 1:
+        if not path.knots:
+            return
+    if len(path.knots) != count + path.degree + 1:
         yield (
             f"{where}.{names.knots}: has {len(path.knots)}, "
             f"must have control points + degree + 1 = {count + path.degree + 1}"

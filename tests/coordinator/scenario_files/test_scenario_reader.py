@@ -142,7 +142,8 @@ UNREADABLE = {
     "a file that is not UTF-8": (b"a = 1\nname = '\xff'", "bad.toml", "line 2: is not UTF-8"),
     "TOML with a syntax error": (b"a = 1\n= 2", "bad.toml", "line 2: Invalid"),
     "TOML that ends early": (b"a = 1\nb = [1,", "bad.toml", "line 2: "),
-    "a TOML key that stands twice": (b"a = 1\na = 2", "bad.toml", "line 2: "),
+    "a TOML key that stands twice": (b"a = 1\na = 2", "bad.toml", "line 2: a: is stated already"),
+    "a TOML table that stands twice": (b"[a]\n[a]", "bad.toml", "line 2: Cannot declare ('a',)"),
     "JSON with a syntax error": (b'{"a": 1,\n,}', "bad.toml", "line 2: "),
     "a JSON key that stands twice": (b'{"a": 1, "a": 2}', "bad.json", "a: the key appears"),
     "JSON that is a list": (b"[]", "bad.json", "file: a list of 0 is not a table"),
@@ -188,6 +189,43 @@ def test_many_faults_are_all_listed_at_once():
     wrong = "0].radius 0].start 1].goal 1].id 2].id 2].max_speed 2].radius 2].start"
     wrong = [f"robots[{field}" for field in wrong.split()]
     assert fields == ["margin", "polcy", *wrong, "workspace.obstacles[0]"]
+
+
+def test_no_fault_hides_another():
+    document = changed(
+        "robots.1.id = ; workspace.boundary = ; workspace.bounds = [0, 0, 10, 10];"
+        'workspace.map = "absent.yaml"; workspace.cell = 0'
+    )
+    document["orders"] = [{"robot": "Z", "goal": [5, 9]}]
+    document["demand"] = {"places": [[5, 8]]}
+    fields = {problem.split(": ")[1] for problem in problems_of(document)}
+    assert fields == {
+        "robots[1].id",
+        "orders[0].robot",
+        "demand.places",
+        "workspace.cell",
+        "workspace.map",
+    }
+
+
+def test_faults_of_a_path_hide_neither_each_other_nor_those_of_other_paths():
+    document = changed("margin = -1")
+    few = {"degree": 3, "control_points": [[1, 1], [2, 2]], "weights": [1], "knots": [0, 1]}
+    corner = {"degree": 1, "control_points": [[1, 2], [9, 2], [9, 3]]}
+    rest = {"radius": 0.2, "max_speed": 0.5}
+    document["robots"] = [
+        {"id": "R1", "start": [1, 1], "path": few | {"rounding": -1}, **rest},
+        {"id": "R2", "path": corner, **rest},
+    ]
+    assert [problem.split(": ", 1)[1].partition(" ")[0] for problem in problems_of(document)] == [
+        "margin:",
+        "robots[0].start:",
+        "robots[0].path.rounding:",
+        "robots[0].path.weights:",
+        "robots[0].path.control_points:",
+        "robots[0].path.knots:",
+        "robots[1].path:",
+    ]
 
 
 def test_a_good_toml_file_is_read_with_its_defaults(tmp_path):
