@@ -98,7 +98,7 @@ def _names_near(
     shapely.prepare(area)
     near = np.flatnonzero(shapely.dwithin(area, floor.obstacles, most)).tolist()
     names = [
-        obstacle_name(f"obstacle {index}", index, floor.obstacles[index], area, part)
+        obstacle_name(f"workspace.obstacles[{index}]", index, floor.obstacles[index], area, part)
         for index in near
     ]
     if shapely.dwithin(area, floor.outline.exterior, most):

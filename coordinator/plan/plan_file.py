@@ -18,6 +18,7 @@ from coordinator.plan.document import FORMAT, PlanDocument
 from coordinator.plan.references import find_wrong_names
 from coordinator.scenario.file_kinds import kind_of, wrong_kind
 
+_MOST_DIGITS: Final = 300
 _PLAN: Final = FORMAT[: FORMAT.index("/") + 1]
 
 
@@ -62,9 +63,14 @@ def _all_problems(text: bytes) -> list[str]:
     from coordinator.plan.form import all_problems
 
     try:
-        return all_problems(json.loads(text))
+        return all_problems(json.loads(text, parse_int=_whole))
     except (ValueError, RecursionError):
         return []
+
+
+def _whole(digits: str) -> float:
+    """Return a whole number; infinity for one that no float comes near."""
+    return int(digits) if len(digits) < _MOST_DIGITS else float(digits)
 
 
 def read(path: Path) -> PlanDocument:
