@@ -45,9 +45,6 @@ from coordinator.scenario_files.path_table import read_path
 from coordinator.scenario_files.table_reader import MOST_PRIORITY, Table
 from coordinator.scenario_files.workspace_reader import read_workspace
 
-_TOML_TWICE: Final = "Cannot overwrite a value"
-"""What tomllib says of a key that a table has already."""
-_TOML_KEY: Final = re.compile(r"^\s*([A-Za-z0-9_.-]+)\s*=", re.MULTILINE)
 LINK_QUANTITIES: Final = {
     "delay": Quantity("s", from_least=True, most=5.0),
     "loss": Quantity(from_least=True, most=0.5),
@@ -141,15 +138,10 @@ def _load(text: bytes, name: str, file: str) -> object:
 
 
 def _toml_problem(message: str, text: str) -> str:
-    """Put the line of a TOML syntax error first, and the key that is stated twice."""
+    """Put the line of a TOML syntax error first."""
     what, _, place = message.rpartition(" (at ")
     found = re.match(r"line (\d+)", place)
-    lines = text.splitlines()
-    line = int(found[1]) if found else len(lines)
-    keys = _TOML_KEY.findall("\n".join(lines[:line]))
-    if what == _TOML_TWICE and keys:
-        what = f"{key_name(keys[-1])}: is stated already"
-    return f"line {line}: {what or message}"
+    return f"line {found[1] if found else len(text.splitlines())}: {what or message}"
 
 
 def _table_of_unique_keys(pairs: list[tuple[str, object]]) -> dict[str, object]:
