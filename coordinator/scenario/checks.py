@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+import sys
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
@@ -85,7 +86,7 @@ class Quantity(NamedTuple):
         if value > self.most or (value == self.most and self.below_most):
             limit = "not below" if self.below_most else "above"
             return _joined(f"{shown} is {limit} {self.most:g} {self.unit}".rstrip(), self.why)
-        return None
+        return f"{shown} is too large" if abs(value) > sys.float_info.max else None
 
 
 def _joined(complaint: str, reason: str) -> str:

@@ -227,6 +227,13 @@ def test_faults_of_a_path_hide_neither_each_other_nor_those_of_other_paths():
     ]
 
 
+def test_a_whole_number_that_no_float_comes_near_is_told():
+    path = {"degree": 1, "control_points": [[1, 2], [9, 2]], "knots": [0, 0, 10**400, 1]}
+    robot = {"id": "R1", "path": path, "radius": 0.2, "max_speed": 0.5}
+    (problem,) = problems_of(GOOD | {"robots": [robot]})
+    assert problem == "bad.json: robots[0].path.knots[2]: about 1e400 is too large"
+
+
 def test_a_good_toml_file_is_read_with_its_defaults(tmp_path):
     (tmp_path / "two.toml").write_bytes(b"\xef\xbb\xbf" + TOML.replace(b"\n", b"\r\n"))
     scenario = read_scenario(tmp_path / "two.toml")
