@@ -31,6 +31,8 @@ class CheckedCommand(TyperCommand):
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
         """Read and check the command line; raise UsageProblems if several values are invalid."""
+        if ctx.resilient_parsing:  # A shell completes a line that is not whole yet.
+            return super().parse_args(ctx, args)
         try:
             given, rest, _ = self.make_parser(ctx).parse_args(args=list(args))
         except typer.TyperException as error:
@@ -60,7 +62,8 @@ class CommandGroup(TyperGroup):
     def resolve_command(self, ctx: typer.Context, args: list[str]) -> _Resolved:  # type: ignore[override]
         """Return the command that the arguments begin with, its name and the other arguments."""
         name = args[0]
-        if self.get_command(ctx, name) is None and not name.startswith("-"):
+        is_known = name.startswith("-") or self.get_command(ctx, name) is not None
+        if not is_known and not ctx.resilient_parsing:
             known = self.list_commands(ctx)
             (nearest,) = difflib.get_close_matches(name[:40], known, n=1, cutoff=0.0)
             ctx.fail(f"{name[:60]!r} is not a command, the nearest one is {nearest}")

@@ -3,6 +3,7 @@
 import pytest
 import typer
 from typer.main import get_command
+from typer.testing import CliRunner
 
 from coordinator.base.errors import InputError
 from coordinator.cli.checked_command import CheckedCommand
@@ -172,6 +173,22 @@ def test_all_invalid_values_are_told(line, told):
 def test_an_option_that_would_be_ignored_and_an_unknown_command_are_told(line, told):
     (said,) = told_by(line)
     assert said.startswith(told)
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("splinefleet pla", ["plan"]),
+        ("splinefleet plan --st", ["--step"]),
+        ("splinefleet plan --csv x.json --st", ["--step"]),
+        ("splinefleet unknown --st", []),
+    ],
+)
+def test_a_shell_still_completes_lines(words, offered):
+    count = str(len(words.split()) - 1)
+    env = {"_SPLINEFLEET_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": count}
+    done = CliRunner().invoke(app, [], env=env, prog_name="splinefleet")
+    assert done.stdout.split() == offered, done.output
 
 
 def test_options_in_another_order_and_beside_each_other_are_accepted():
