@@ -78,7 +78,10 @@ def _gathered() -> typer.Typer:
     """Return all the commands."""
     import typer
 
+    from coordinator.cli.checked_command import CommandGroup, check_all
+
     gathered = typer.Typer(
+        cls=CommandGroup,
         name="splinefleet",
         help="Coordinates robots that never tell each other where they are.",
         no_args_is_help=True,
@@ -86,6 +89,7 @@ def _gathered() -> typer.Typer:
     )
     for module in _COMMANDS:
         gathered.add_typer(import_module(module).commands)
+    check_all(gathered)
     return gathered
 
 
@@ -96,7 +100,7 @@ def _run(commands: typer.Typer) -> int:
     from coordinator.base.console import tell
     from coordinator.base.errors import InputError, LogError, PlanError
     from coordinator.cli.quick_options import read_quickly
-    from coordinator.cli.usage import usage_line
+    from coordinator.cli.usage import usage_lines
     from protocol.transport import NoAnswerError, TransportError
 
     read_quickly()
@@ -111,7 +115,7 @@ def _run(commands: typer.Typer) -> int:
     except typer.Abort:
         code = INTERRUPTED
     except typer.TyperException as error:
-        if line := usage_line(error):
+        for line in usage_lines(error):
             tell(line, "red")
         code = 2
     if was_asked():

@@ -16,9 +16,11 @@ from typing import Annotated, Final
 
 import typer
 
+from protocol.endpoint import endpoint_of
 from protocol.host_clock import host_clock_ns, time_of_day
 from protocol.keys import NAME, NAME_IN_WORDS
 from protocol.timing import SECOND
+from protocol.transport import TransportError
 from robot_agent.driver import Driver, Pose
 from robot_agent.driver_file import DriverNameError, make_driver
 from robot_agent.loop import FixedRateLoop
@@ -29,12 +31,54 @@ _FARTHEST: Final = 1e6
 """Coordinates of `--at` beyond this [m] are refused."""
 
 
+def _named(name: str | None) -> str | None:
+    """Accept a name that can be one on the wire."""
+    if name is not None and not NAME.fullmatch(name):
+        raise typer.BadParameter(f"{name[:60]!r} is not {NAME_IN_WORDS}")
+    return name
+
+
+def _reached(endpoint: str) -> str:
+    """Accept a well-formed endpoint."""
+    try:
+        endpoint_of(endpoint, locked=endpoint.startswith("tls/"))
+    except TransportError as error:
+        raise typer.BadParameter(str(error)) from None
+    return endpoint
+
+
+def _finite(value: float) -> float:
+    """Accept a finite number."""
+    if not math.isfinite(value):
+        raise typer.BadParameter(f"{value} is not a finite number")
+    return value
+
+
+def _near(at: Pose | None) -> Pose | None:
+    """Accept a place that is not too far away."""
+    if at is not None and not all(abs(number) < _FARTHEST for number in at):
+        raise typer.BadParameter(f"{' '.join(f'{number:g}' for number in at)} is not a place")
+    return at
+
+
+def _in_folder(file: Path | None) -> Path | None:
+    """Accept a file in an existing folder."""
+    if file is not None and not file.parent.is_dir():
+        raise typer.BadParameter(f"{file}: there is no folder {file.parent}")
+    return file
+
+
 @commands.command(rich_help_panel="Run")
 def agent(
-    robot: Annotated[str, typer.Argument(help="The robot's name in the scenario.")],
-    connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
+    robot: Annotated[
+        str, typer.Argument(callback=_named, help="The robot's name in the scenario.")
+    ],
+    connect: Annotated[
+        str, typer.Option(callback=_reached, help="tcp/HOST:PORT of the coordinator or router.")
+    ],
     fleet: Annotated[
-        str | None, typer.Option(help="Name of the fleet; by default the first one heard.")
+        str | None,
+        typer.Option(callback=_named, help="Name of the fleet; by default the first one heard."),
     ] = None,
     driver: Annotated[str, typer.Option(help="The driver: MODULE:CLASS or FILE.py:CLASS.")] = (
         "sim.world.body:SimulatedBody"
@@ -68,24 +112,34 @@ def agent(
         ),
     ] = (0, 0, 0),
     blackbox: Annotated[
-        Path | None, typer.Option(help="Write the true poses to this CSV file.")
+        Path | None,
+        typer.Option(callback=_in_folder, help="Write the true poses to this CSV file."),
     ] = None,
     speed: Annotated[
         float,
         typer.Option(
             min=0.01,
             max=1000.0,
+            callback=_finite,
             help="Speed of the fleet's clock; 1 is real time, 2 twice as fast.",
         ),
     ] = 1.0,
     wait: Annotated[
         float,
-        typer.Option(min=0.0, max=86_400.0, help="Seconds to wait for a link to the coordinator."),
+        typer.Option(
+            min=0.0,
+            max=86_400.0,
+            callback=_finite,
+            help="Seconds to wait for a link to the coordinator.",
+        ),
     ] = 10.0,
     give_up: Annotated[
         float,
         typer.Option(
-            min=0.0, max=1e6, help="End after this many seconds without the coordinator; 0: never."
+            min=0.0,
+            max=1e6,
+            callback=_finite,
+            help="End after this many seconds without the coordinator; 0: never.",
         ),
     ] = 0.0,
     rate: Annotated[int, typer.Option(min=20, max=1000, help="Control ticks per second.")] = 100,
@@ -99,6 +153,7 @@ def agent(
         tuple[float, float, float] | None,
         typer.Option(
             metavar="X Y HEADING",
+            callback=_near,
             help="Where the robot stands: x, y in metres, heading in radians.",
         ),
     ] = None,
@@ -123,12 +178,6 @@ def agent(
     from robot_agent.program import Program, ProgramError, ProgramService
     from robot_agent.service import RefusedError, Robot, RobotService, Service, run_robot
 
-    for option, value in (("--wait", wait), ("--give-up", give_up), ("--speed", speed)):
-        if not math.isfinite(value):
-            raise typer.BadParameter(f"{value} is not a number of seconds", param_hint=option)
-    _check_name(robot, "ROBOT")
-    if fleet is not None:
-        _check_name(fleet, "--fleet")
     files = None if keys is None else read_key_files(keys, "robot", robot)
     if files is not None and (warning := files.warning()):
         typer.echo(warning, err=True)
@@ -210,13 +259,5 @@ def _body(driver: str, max_accel: float, at: Pose | None) -> Driver:
     except DriverNameError as error:
         raise typer.BadParameter(str(error), param_hint="--driver") from None
     if at is not None:
-        if not all(abs(number) < _FARTHEST for number in at):
-            where = " ".join(f"{number:g}" for number in at)
-            raise typer.BadParameter(f"{where} is not a place", param_hint="--at")
         body.place(*at)
     return body
-
-
-def _check_name(name: str, option: str) -> None:
-    if not NAME.fullmatch(name):
-        raise typer.BadParameter(f"{name!r} is not {NAME_IN_WORDS}", param_hint=option)

@@ -25,6 +25,19 @@ def test_the_panels_are_shown_in_the_order_of_the_work():
     assert [word for word in re.findall(r"╭─ (\w+) ─", shown) if word != "Options"] == PANELS
 
 
+def test_the_page_on_answers_lists_every_command_that_answers_in_json():
+    def takers(group, before=""):
+        for name, command in group.commands.items():
+            if hasattr(command, "commands"):
+                yield from takers(command, f"{name} ")
+            elif any("--json" in one.opts for one in command.params):
+                yield before + name
+
+    page = (ROOT / "docs" / "files.md").read_text()
+    listed = " ".join(page.split()).split("These commands take `--json`:")[1].split("Messages")[0]
+    assert sorted(re.findall(r"`([a-z ]+)`", listed)) == sorted(takers(typer.main.get_command(app)))
+
+
 def test_the_help_loads_no_planner():
     code = (
         "import sys; sys.argv = ['splinefleet', '--help']; import splinefleet, contextlib\n"

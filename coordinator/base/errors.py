@@ -89,6 +89,14 @@ class TurnError(PlanError):
         self.radius = radius
 
 
+class SeveralRobotsError(PlanError):
+    """Several robots have no path, each for a reason of its own: `errors`, one for each robot."""
+
+    def __init__(self, errors: Sequence[PlanError]) -> None:
+        super().__init__("\n".join(map(str, errors)), blames=errors[0].blames)
+        self.errors = tuple(errors)
+
+
 class CoarseError(PlanError):
     """Float32 numbers are too coarse at this distance from the origin."""
 

@@ -12,7 +12,7 @@ import typer
 
 from coordinator.base.console import answer_json, answers, tell
 from coordinator.cli.fleet_line import Connect, FleetName, Patience, fleet_line
-from coordinator.cli.order_commands import name_of, numbers_of
+from coordinator.cli.option_checks import named, numbers_of
 from coordinator.cli.plan_commands import Json
 from coordinator.service.key_option import Keys
 from protocol import keys as places
@@ -21,17 +21,36 @@ from protocol.messages import Block, Unblock
 commands = typer.Typer()
 
 
+def _corners(context: typer.Context, polygon: str) -> tuple[tuple[float, float], ...]:
+    """Return the corners [m]: those of the option and the words that follow it."""
+    corners = [numbers_of(one, 2) for one in (*polygon.split(), *context.args)]
+    return tuple((x, y) for x, y in corners)
+
+
+def _sound(context: typer.Context, polygon: str) -> str:
+    """Accept the corners of a polygon."""
+    from coordinator.scenario.checks import corners_fault
+
+    if problem := corners_fault(_corners(context, polygon)):
+        raise typer.BadParameter(problem)
+    return polygon
+
+
 @commands.command(
     rich_help_panel="Operate",
     context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
 )
 def block(
     context: typer.Context,
-    polygon: Annotated[str, typer.Option(help="X,Y X,Y X,Y ...: the corners in m, three or more.")],
+    polygon: Annotated[
+        str,
+        typer.Option(callback=_sound, help="X,Y X,Y X,Y ...: the corners in m, three or more."),
+    ],
     connect: Connect,
     fleet: FleetName = None,
     block_id: Annotated[
-        str | None, typer.Option("--id", help="The same id again is the same place.")
+        str | None,
+        typer.Option("--id", callback=named, help="The same id again is the same place."),
     ] = None,
     patience: Patience = 20.0,
     keys: Keys = None,
@@ -43,13 +62,8 @@ def block(
 
     Example: splinefleet block --polygon 2,2 4,2 4,4 2,4 --connect tcp/127.0.0.1:7447
     """
-    corners = [numbers_of(one, (2,), "--polygon") for one in (*polygon.split(), *context.args)]
-    ring = tuple((x, y) for x, y in corners)
-    from coordinator.scenario.checks import corners_fault
-
-    if problem := corners_fault(ring):
-        raise typer.BadParameter(problem, param_hint="--polygon")
-    name = name_of(block_id, "--id") if block_id is not None else f"block-{os.urandom(3).hex()}"
+    ring = _corners(context, polygon)
+    name = block_id or f"block-{os.urandom(3).hex()}"
     with fleet_line(connect, fleet, patience, keys) as line:
         asked = Block(line.boot, name, ring)
         closed = line.ask_until(
@@ -65,7 +79,9 @@ def block(
 
 @commands.command(rich_help_panel="Operate")
 def unblock(
-    block_id: Annotated[str, typer.Argument(metavar="ID", help="The id of the place.")],
+    block_id: Annotated[
+        str, typer.Argument(metavar="ID", callback=named, help="The id of the place.")
+    ],
     connect: Connect,
     fleet: FleetName = None,
     patience: Patience = 20.0,
@@ -77,7 +93,7 @@ def unblock(
 
     Example: splinefleet unblock block-1 --connect tcp/127.0.0.1:7447
     """
-    name = name_of(block_id, "ID")
+    name = block_id
     with fleet_line(connect, fleet, patience, keys) as line:
         closed = line.blocks()
         line.must_be_heard()

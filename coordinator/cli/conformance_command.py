@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from coordinator.base.console import answer_json, answers, tell, tell_now
+from coordinator.cli.option_checks import named, not_with, reached
 from coordinator.cli.plan_commands import Json
 from coordinator.service.key_option import Insecure
-from protocol.keys import NAME, NAME_IN_WORDS
 
 if TYPE_CHECKING:
     from coordinator.conformance.examiner import Examiner
@@ -23,20 +23,35 @@ if TYPE_CHECKING:
 commands = typer.Typer()
 
 
+def _near(at: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Accept a place whose numbers are below 1000."""
+    if not all(math.isfinite(number) and abs(number) < 1e3 for number in at):
+        raise typer.BadParameter(f"{' '.join(f'{number:g}' for number in at)} is not a place")
+    return at
+
+
 @commands.command(rich_help_panel="Inspect")
 def conformance(
     listen: Annotated[
-        str | None, typer.Option(help="tcp/HOST:PORT to listen on; by default this machine only.")
+        str | None,
+        typer.Option(
+            callback=reached, help="tcp/HOST:PORT to listen on; by default this machine only."
+        ),
     ] = None,
-    connect: Annotated[str | None, typer.Option(help="tcp/HOST:PORT of a router.")] = None,
+    connect: Annotated[
+        str | None,
+        typer.Option(callback=not_with("listen", check=reached), help="tcp/HOST:PORT of a router."),
+    ] = None,
     robot: Annotated[
-        str | None, typer.Option(help="The robot's name; by default the first that is heard.")
+        str | None,
+        typer.Option(callback=named, help="The robot's name; by default the first that is heard."),
     ] = None,
-    fleet: Annotated[str, typer.Option(help="Name of the fleet.")] = "conformance",
+    fleet: Annotated[str, typer.Option(callback=named, help="Name of the fleet.")] = "conformance",
     at: Annotated[
         tuple[float, float, float],
         typer.Option(
             metavar="X Y HEADING",
+            callback=_near,
             help="Where the robot stands: x, y in metres, heading in radians.",
         ),
     ] = (0.0, 0.0, 0.0),
@@ -58,7 +73,13 @@ def conformance(
     ] = False,
     blackbox: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="The robot's black box; also judge its true places."),
+        typer.Option(
+            metavar="FILE",
+            callback=not_with(
+                "restart", why=", because a program that is started again begins another box"
+            ),
+            help="The robot's black box; also judge its true places.",
+        ),
     ] = None,
     insecure: Insecure = False,
     as_json: Json = False,
@@ -77,16 +98,6 @@ def conformance(
     from coordinator.service.conformance_run import examine, read_box
     from coordinator.service.meeting_place import meeting_place
 
-    for option, given in (("--robot", robot), ("--fleet", fleet)):
-        if given is not None and not NAME.fullmatch(given):
-            what = f"{given[:60]!r} is not {NAME_IN_WORDS}"
-            raise typer.BadParameter(what, param_hint=option)
-    if not all(math.isfinite(number) and abs(number) < 1e3 for number in at):
-        where = " ".join(f"{number:g}" for number in at)
-        raise typer.BadParameter(f"{where} is not a place", param_hint="--at")
-    if restart and blackbox is not None:
-        what = "not with --restart, because a program that is started again begins another box"
-        raise typer.BadParameter(what, param_hint="--blackbox")
     place = meeting_place(listen, connect, None, insecure)
     boot = 2 + int.from_bytes(os.urandom(4)) % (2**32 - 8)
     exchanges = (*EXCHANGES, RESTART) if restart else EXCHANGES

@@ -17,7 +17,7 @@ import msgspec
 import typer
 
 from coordinator.base.console import tell
-from coordinator.cli.plan_commands import within
+from coordinator.cli.option_checks import named, reached, within
 from coordinator.service.key_option import Keys, given_keys
 from protocol import keys as places
 from protocol.codec import decode, encode
@@ -29,9 +29,12 @@ _PERIOD_S: Final = 0.2
 _QUIET_S: Final = 0.5
 """When no further answer has come for so long, all have."""
 
-Connect = Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")]
+Connect = Annotated[
+    str, typer.Option(callback=reached, help="tcp/HOST:PORT of the coordinator or router.")
+]
 FleetName = Annotated[
-    str | None, typer.Option(help="Name of the fleet; by default the first one heard.")
+    str | None,
+    typer.Option(callback=named, help="Name of the fleet; by default the first one heard."),
 ]
 Patience = Annotated[
     float, typer.Option("--patience", callback=within(0.5, 86_400.0), help="Seconds to wait.")
@@ -166,12 +169,9 @@ class FleetLine:
 
 @contextmanager
 def fleet_line(connect: str, fleet: str | None, patience: float, keys: Keys) -> Iterator[FleetLine]:
-    """Open a link to a fleet for so long [s]; typer.BadParameter for a name that cannot be one."""
+    """Open a link to a fleet for so long [s]."""
     from protocol.zenoh_transport import ZenohTransport
 
-    if fleet is not None and not places.NAME.fullmatch(fleet):
-        what = f"{fleet[:60]!r} is not {places.NAME_IN_WORDS}"
-        raise typer.BadParameter(what, param_hint="--fleet")
     files = given_keys(keys, "operator")
     with ZenohTransport.connect(connect, timeout_s=min(patience, 20.0), keys=files) as transport:
         line = FleetLine(transport, fleet, patience, sender(files))

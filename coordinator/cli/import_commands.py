@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer.core import TyperGroup
 
 from coordinator.base.console import tell, write_file
-from coordinator.cli.plan_commands import within, writable
+from coordinator.cli.checked_command import CommandGroup
+from coordinator.cli.option_checks import within, writable
 
 if TYPE_CHECKING:
     from coordinator.scenario.model import Scenario
@@ -21,7 +21,7 @@ _BESIDE_TRACK = 0.05
 """The default margin, in cells and in metres: the less of the two counts."""
 
 
-class _ByFile(TyperGroup):
+class _ByFile(CommandGroup):
     """Takes `import MAP SCEN` for `import movingai MAP SCEN`."""
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
@@ -34,6 +34,16 @@ class _ByFile(TyperGroup):
 imports = typer.Typer(
     cls=_ByFile, no_args_is_help=True, help="Make a scenario from files of other tools."
 )
+
+
+def _as_in_scenario(param: typer.CallbackParam, value: float | None) -> float | None:
+    """Accept a number that a scenario may state under the option's name."""
+    from coordinator.scenario.checks import ROBOT_QUANTITIES, SCENARIO_QUANTITIES
+
+    allowed = {**ROBOT_QUANTITIES, **SCENARIO_QUANTITIES}[str(param.name)]
+    if value is not None and (problem := allowed.complaint(value)):
+        raise typer.BadParameter(problem)
+    return value
 
 
 @imports.command()
@@ -55,19 +65,26 @@ def movingai(
     cell: Annotated[
         float, typer.Option(callback=within(0.01, 8000.0), help="Width of a cell in metres.")
     ] = 1.0,
-    max_speed: Annotated[float, typer.Option(help="Speed limit in m/s.")] = 1.0,
+    max_speed: Annotated[
+        float, typer.Option(callback=_as_in_scenario, help="Speed limit in m/s.")
+    ] = 1.0,
     max_accel: Annotated[
         float | None,
         typer.Option(
-            help="Limit of acceleration in m/s^2, or inf; by default --max-speed within 1 s."
+            callback=_as_in_scenario,
+            help="Limit of acceleration in m/s^2, or inf; by default --max-speed within 1 s.",
         ),
     ] = None,
-    tau: Annotated[float | None, typer.Option(help="tau in seconds; by default auto.")] = None,
+    tau: Annotated[
+        float | None,
+        typer.Option(callback=_as_in_scenario, help="tau in seconds; by default auto."),
+    ] = None,
     margin: Annotated[
         float | None,
         typer.Option(
+            callback=_as_in_scenario,
             help="Tracking error allowed between two robots, in metres; by default 0.05, or a "
-            "twentieth of a cell if that is less."
+            "twentieth of a cell if that is less.",
         ),
     ] = None,
 ) -> None:

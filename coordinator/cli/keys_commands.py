@@ -15,7 +15,9 @@ import typer
 
 from coordinator.base.console import answer_json, answers, tell, write_file
 from coordinator.base.errors import InputError
-from coordinator.cli.plan_commands import Json, writable
+from coordinator.cli.checked_command import CommandGroup
+from coordinator.cli.option_checks import reached, writable
+from coordinator.cli.plan_commands import Json
 from protocol.badge import ROLES, Role
 from protocol.endpoint import endpoint_of
 from protocol.key_files import WARNING, own_place, read_key_files
@@ -26,22 +28,64 @@ if TYPE_CHECKING:
 
 commands = typer.Typer()
 keys_commands = typer.Typer(
-    help="Make, revoke and show the keys of a fleet: docs/keys.md.", no_args_is_help=True
+    cls=CommandGroup,
+    help="Make, revoke and show the keys of a fleet: docs/keys.md.",
+    no_args_is_help=True,
 )
 commands.add_typer(keys_commands, name="keys", rich_help_panel="Keys")
 
 _USUAL: Final = Path("keys")
 _HOST: Final = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,251}[A-Za-z0-9])?")
 
+
+def _hosts(given: list[str] | None) -> list[str] | None:
+    """Accept names and addresses of hosts."""
+    if bad := [host[:60] for host in given or [] if not _is_host(host)]:
+        shown = " and ".join(repr(host) for host in bad)
+        raise typer.BadParameter(f"{shown}: neither a name nor an address")
+    return given
+
+
+def _is_host(text: str) -> bool:
+    """Return whether a text is a host's name or address.
+
+    A text whose last label is a number is not a name (RFC 1123).
+    """
+    if ":" in text or text.rpartition(".")[2].isdecimal():
+        try:
+            ipaddress.ip_address(text)
+        except ValueError:
+            return False
+        return True
+    return _HOST.fullmatch(text) is not None
+
+
+def _fits(name: str) -> bool:
+    """Return whether a name is valid and can also name a folder."""
+    return NAME.fullmatch(name) is not None and name.strip(".") != ""
+
+
+def _all_named(names: list[str]) -> list[str]:
+    """Accept names that can also name folders."""
+    if bad := [name[:60] for name in names if not _fits(name)]:
+        shown = " and ".join(repr(name) for name in bad)
+        raise typer.BadParameter(f"{shown}: not a name of {NAME_IN_WORDS}")
+    return names
+
+
 Keys = Annotated[
     Path, typer.Option("--keys", metavar="DIR", help="Folder that `keys init` has made.")
 ]
 Days = Annotated[int, typer.Option(min=1, max=3650, help="Days until the new keys expire.")]
-Names = Annotated[list[str], typer.Argument(metavar="NAME...", help="One name or several.")]
+Names = Annotated[
+    list[str],
+    typer.Argument(metavar="NAME...", callback=_all_named, help="One name or several."),
+]
 Hosts = Annotated[
     list[str] | None,
     typer.Option(
         "--host",
+        callback=_hosts,
         help="Name or address under which the coordinator can be reached, in addition to those of "
         "this machine; repeatable.",
     ),
@@ -60,10 +104,9 @@ def init(
     """
     from coordinator.security.key_store import KeyStore
 
-    hosts = _hosts(host)
     store = KeyStore(folder)
     store.begin(_now())
-    made = store.issue("coordinator", ["coordinator"], _now(), days, hosts)
+    made = store.issue("coordinator", ["coordinator"], _now(), days, host or ())
     for role in ("observer", "operator"):
         made += store.issue(role, [role], _now(), days)
     _tell_made(folder, made)
@@ -115,7 +158,7 @@ def coordinator(keys: Keys = _USUAL, host: Hosts = None, days: Days = 365) -> No
 
     Example: splinefleet keys coordinator --host hall-3.local
     """
-    _issue("coordinator", ["coordinator"], keys, days, _hosts(host))
+    _issue("coordinator", ["coordinator"], keys, days, tuple(host or ()))
 
 
 @keys_commands.command()
@@ -130,13 +173,14 @@ def router(
     host: Annotated[
         list[str] | None,
         typer.Option(
+            callback=_hosts,
             help="Name or address under which the router can be reached; makes a new key for it; "
-            "repeatable."
+            "repeatable.",
         ),
     ] = None,
     days: Days = 365,
     listen: Annotated[
-        str, typer.Option(help="Endpoint on which the router listens.")
+        str, typer.Option(callback=reached, help="Endpoint on which the router listens.")
     ] = "tls/0.0.0.0:7447",
     files: Annotated[
         Path | None,
@@ -164,7 +208,7 @@ def router(
     asked = [read_scenario(scenario) for scenario in scenarios]
     fleets = meeting_fleets(asked, register.joiners(now))
     if host:
-        _issue("router", ["router"], keys, days, _hosts(host))
+        _issue("router", ["router"], keys, days, tuple(host or ()))
     elif "router" not in register.names("router"):
         raise InputError([f"{keys}: holds no key of a router; --host NAME makes one"])
     own = read_key_files(keys, "router")
@@ -254,9 +298,6 @@ def _issue(
 ) -> None:
     from coordinator.security.key_store import KeyStore
 
-    bad = [name[:60] for name in names if not _fits(name)]
-    if bad:
-        raise InputError([f"{name!r} is not a name, {NAME_IN_WORDS}" for name in bad])
     store = KeyStore(folder)
     made = store.issue(role, dict.fromkeys(names), _now(), days, hosts, may_join=may_join)
     _tell_made(folder, made)
@@ -282,32 +323,6 @@ def _who(text: str) -> tuple[Role, str]:
         text = "robots would not learn of it; make a new authority with splinefleet keys init"
         raise InputError([f"the {role}'s key cannot be revoked: {text}"])
     return role, rest
-
-
-def _hosts(given: list[str] | None) -> tuple[str, ...]:
-    bad = [host[:60] for host in given or [] if not _is_host(host)]
-    if bad:
-        raise InputError([f"--host: {host!r} is neither a name nor an address" for host in bad])
-    return tuple(given or ())
-
-
-def _is_host(text: str) -> bool:
-    """Return whether a text is a host's name or address.
-
-    A text whose last label is a number is not a name (RFC 1123).
-    """
-    if ":" in text or text.rpartition(".")[2].isdecimal():
-        try:
-            ipaddress.ip_address(text)
-        except ValueError:
-            return False
-        return True
-    return _HOST.fullmatch(text) is not None
-
-
-def _fits(name: str) -> bool:
-    """Return whether a name is valid and can also name a folder."""
-    return NAME.fullmatch(name) is not None and name.strip(".") != ""
 
 
 def _now() -> datetime.datetime:

@@ -6,53 +6,35 @@ Decides: their options and exit codes.  Heavy modules are imported when a comman
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Final, Literal, TypeVar, cast
 
 import typer
 
 from coordinator.base.console import answer_json, answers, errors, tell, tell_now, write_file
 from coordinator.base.errors import InputError, PlanError
-from coordinator.cli.plan_commands import (
-    Json,
-    LogFile,
-    Source,
-    Speed,
-    given_log,
-    within,
-    writable,
-)
+from coordinator.cli.fleet_line import Connect, FleetName
+from coordinator.cli.option_checks import given, within, writable
+from coordinator.cli.plan_commands import Json, LogFile, Source, Speed, given_log
 from coordinator.exchange.vda5050 import Version
 from coordinator.service.key_option import Keys, given_keys
-from protocol.keys import NAME
 
 commands = typer.Typer()
 
 Item = TypeVar("Item")
+_SUFFIXES: Final = {"csv": ".csv", "foxglove": ".mcap"}
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
-
-
-def fleet_name(name: str | None) -> str | None:
-    """Check the name of a fleet."""
-    if name is not None and not NAME.fullmatch(name):
-        raise typer.BadParameter(f"{name[:60]!r} is not a valid name of a fleet")
-    return name
 
 
 @commands.command(rich_help_panel="Operate")
 def record(
-    connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
+    connect: Connect,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="FILE.mcap", callback=writable(".mcap"))
     ] = Path("beside.mcap"),
-    fleet: Annotated[
-        str | None,
-        typer.Option(
-            help="Name of the fleet; by default the first one heard.", callback=fleet_name
-        ),
-    ] = None,
+    fleet: FleetName = None,
     wait: Annotated[
         float, typer.Option(callback=within(0.1, 86_400.0), help="Seconds to wait for a link.")
     ] = 10.0,
@@ -159,6 +141,27 @@ def _write_at_once(path: Path, content: bytes) -> None:
             part.unlink()
 
 
+def _fits_format(context: typer.Context, output: Path) -> Path:
+    """Accept an output whose name suits the format, in an existing folder."""
+    suffix = _SUFFIXES.get(context.params.get("to", ""))
+    return cast(Path, writable(*([suffix] if suffix else []))(output))
+
+
+def _only_to(
+    *formats: str, check: Callable[[Item], Item] | None = None
+) -> Callable[[typer.Context, typer.CallbackParam, Item], Item]:
+    """Return a callback that refuses an option that other formats than these would ignore."""
+
+    def checked(context: typer.Context, param: typer.CallbackParam, value: Item) -> Item:
+        value = value if check is None else check(value)
+        to = context.params.get("to", formats[0])
+        if given(context, str(param.name)) and to not in formats:
+            raise typer.BadParameter(f"has no effect with --to {to}")
+        return value
+
+    return checked
+
+
 @commands.command(rich_help_panel="Inspect")
 def export(
     source: Source,
@@ -169,18 +172,19 @@ def export(
             "-o",
             "--output",
             help="FILE.csv, FILE.mcap or, for vda5050, a folder.",
-            callback=writable(),
+            callback=_fits_format,
         ),
     ],
     step: Annotated[
         float,
         typer.Option(
-            callback=within(1e-3, 1e3),
+            callback=_only_to("csv", "foxglove", check=within(1e-3, 1e3)),
             help="Seconds from one CSV row or Foxglove frame to the next.",
         ),
     ] = 0.05,
     order_version: Annotated[
-        Version, typer.Option(help="VDA 5050 version to state in the orders.")
+        Version,
+        typer.Option(callback=_only_to("vda5050"), help="VDA 5050 version to state in the orders."),
     ] = "2.1.0",
 ) -> None:
     """Write the robots' motions for other tools, from the plans in a plan file or a log.
@@ -196,9 +200,6 @@ def export(
 
     if source.exists() and output.exists() and source.samefile(output):
         raise InputError([f"--output: {output} is the source itself; name another file"])
-    wanted = {"csv": ".csv", "foxglove": ".mcap"}.get(to, "")
-    if wanted and output.suffix.lower() != wanted:
-        raise InputError([f"--output: {output} does not end in {wanted}"])
     if to == "vda5050":
         write_orders(source, output, order_version)
         return

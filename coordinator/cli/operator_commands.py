@@ -13,7 +13,8 @@ from typing import Annotated, Final
 import typer
 
 from coordinator.base.console import tell
-from coordinator.cli.fleet_line import sender
+from coordinator.cli.fleet_line import Connect, FleetName, sender
+from coordinator.cli.option_checks import named, within
 from coordinator.fleet.admit_outcome import Asking
 from coordinator.service.key_option import Keys, given_keys
 from protocol import keys as places
@@ -27,14 +28,17 @@ _PERIOD_S: Final = 0.2
 
 @commands.command(rich_help_panel="Operate")
 def admit(
-    robot: Annotated[str, typer.Argument(help="The robot to admit.")],
-    connect: Annotated[str, typer.Option(help="tcp/HOST:PORT of the coordinator or router.")],
-    fleet: Annotated[
-        str | None, typer.Option(help="Name of the fleet; by default the first one heard.")
-    ] = None,
-    wait: Annotated[
+    robot: Annotated[str, typer.Argument(callback=named, help="The robot to admit.")],
+    connect: Connect,
+    fleet: FleetName = None,
+    patience: Annotated[
         float,
-        typer.Option(min=0.5, max=600.0, help="Seconds to wait for the fleet to admit the robot."),
+        typer.Option(
+            "--patience",
+            "--wait",
+            callback=within(0.5, 86_400.0),
+            help="Seconds to wait for the fleet to admit the robot.",
+        ),
     ] = 20.0,
     keys: Keys = None,
 ) -> None:
@@ -43,7 +47,7 @@ def admit(
     Use it for a robot that was restarted, or that was lost and is heard again.  For one that is not
     heard the command says so, and goes on asking: start its program first.
 
-    The exit code is 1 if the robot cannot be admitted, or gets no course within --wait.
+    The exit code is 1 if the robot cannot be admitted, or gets no course within --patience.
 
     Example: splinefleet admit R3 --connect tcp/127.0.0.1:7447
     """
@@ -58,14 +62,12 @@ def admit(
         if place is not None and message is not None:
             heard.put((place[0], message))
 
-    _check(robot, "ROBOT")
-    _check(fleet, "--fleet")
     files = given_keys(keys, "operator")
     asking = Asking(robot, boot)
-    with ZenohTransport.connect(connect, timeout_s=wait, keys=files) as transport:
+    with ZenohTransport.connect(connect, timeout_s=patience, keys=files) as transport:
         transport.subscribe(places.command(fleet or "*"), hear)
         transport.subscribe(places.plan(fleet or "*", robot), hear)
-        deadline, due = time.monotonic() + wait, 0.0
+        deadline, due = time.monotonic() + patience, 0.0
         while (now := time.monotonic()) < deadline:
             try:
                 name, message = heard.get(timeout=_PERIOD_S)
@@ -88,13 +90,6 @@ def admit(
     if asking.admitted:
         tell(f"{fleet}: {asking.answer}")
         return
-    late = f"no course for {robot} within {wait:g} s; is the robot back and the fleet under way?"
-    tell(asking.answer or late, "red")
+    late = f"no course for {robot} within {patience:g} s"
+    tell(asking.answer or f"{late}; is the robot back and the fleet under way?", "red")
     raise typer.Exit(1)
-
-
-def _check(name: str | None, option: str) -> None:
-    """Refuse a name that is none."""
-    if name is not None and not places.NAME.fullmatch(name):
-        what = f"{name[:60]!r} is not {places.NAME_IN_WORDS}"
-        raise typer.BadParameter(what, param_hint=option)

@@ -15,13 +15,21 @@ import typer
 
 from coordinator.base.console import answer_json, answers, tell
 from coordinator.cli.fleet_line import Connect, FleetName, Patience, fleet_line
-from coordinator.cli.plan_commands import Json, within
+from coordinator.cli.option_checks import (
+    given,
+    named,
+    not_with,
+    numbers_of,
+    only_with,
+    place_of,
+    within,
+)
+from coordinator.cli.plan_commands import Json
 from coordinator.service.key_option import Keys
 from protocol import keys as keys_of
 from protocol.messages import (
     CANCELLED,
     END,
-    FARTHEST,
     GO_ON,
     HALT,
     MOST_PRIORITY,
@@ -40,49 +48,60 @@ from protocol.phases import COMMAND_NAMES, FREEZE, GO, OVER, STOP
 
 commands = typer.Typer()
 
+_IN_FILE: Final = ", because the file states it"
 _SETTLES_S: Final = 1.5
 """For so long an order is waited for to be begun or refused, so that its first answer says more."""
 
 
-def numbers_of(text: str, counts: tuple[int, ...], option: str) -> tuple[float, ...]:
-    """Read numbers separated by commas; there have to be so many."""
-    try:
-        found = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        found = ()
-    if len(found) not in counts or not all(abs(one) <= FARTHEST for one in found):
-        shape = " or ".join({2: "X,Y", 3: "X,Y,HEADING"}[count] for count in counts)
-        what = f"{text[:60]!r} is not {shape}, each from {-FARTHEST:g} to {FARTHEST:g}"
-        raise typer.BadParameter(what, param_hint=option)
-    return found
+def _one_source(context: typer.Context, file: Path | None) -> Path | None:
+    """Accept --vda5050 in place of --to, and one of the two."""
+    if given(context, "to") == given(context, "vda5050"):
+        raise typer.BadParameter("give a place, or --vda5050 FILE", param_hint="--to")
+    return file
 
 
-def name_of(text: str, option: str) -> str:
-    """Return a name; typer.BadParameter if it cannot be one."""
-    if not keys_of.NAME.fullmatch(text):
-        what = f"{text[:60]!r} is not {keys_of.NAME_IN_WORDS}"
-        raise typer.BadParameter(what, param_hint=option)
-    return text
+def _few_vias(via: list[str] | None) -> list[str] | None:
+    """Accept a list of places X,Y that fits into an Order."""
+    if len(via or []) > MOST_VIAS:
+        raise typer.BadParameter(f"more than {MOST_VIAS} places")
+    for place in via or []:
+        numbers_of(place, 2)
+    return via
 
 
 @commands.command(rich_help_panel="Operate")
 def order(
     connect: Connect,
-    to: Annotated[str | None, typer.Option(help="X,Y or X,Y,HEADING in m and rad.")] = None,
+    to: Annotated[
+        str | None,
+        typer.Option(callback=place_of(2, 3), help="X,Y or X,Y,HEADING in m and rad."),
+    ] = None,
     vda5050: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="A VDA 5050 order: its robot, released nodes and wait."),
+        typer.Option(
+            metavar="FILE",
+            callback=_one_source,
+            help="A VDA 5050 order: its robot, released nodes and wait.",
+        ),
     ] = None,
     fleet: FleetName = None,
     robot: Annotated[
-        str | None, typer.Option(help="Which robot; by default the coordinator chooses.")
+        str | None,
+        typer.Option(callback=named, help="Which robot; by default the coordinator chooses."),
     ] = None,
     via: Annotated[
-        list[str] | None, typer.Option(help="X,Y to pass on the way; repeatable, in order.")
+        list[str] | None,
+        typer.Option(
+            callback=not_with("vda5050", why=_IN_FILE, check=_few_vias),
+            help="X,Y to pass on the way; repeatable, in order.",
+        ),
     ] = None,
     dwell: Annotated[
         float,
-        typer.Option(callback=within(0.0, 86_400.0), help="Seconds that it stands at the goal."),
+        typer.Option(
+            callback=not_with("vda5050", why=_IN_FILE, check=within(0.0, 86_400.0)),
+            help="Seconds that it stands at the goal.",
+        ),
     ] = 0.0,
     priority: Annotated[
         int,
@@ -93,10 +112,16 @@ def order(
         ),
     ] = 0,
     order_id: Annotated[
-        str | None, typer.Option("--id", help="The same id again is the same order.")
+        str | None,
+        typer.Option("--id", callback=named, help="The same id again is the same order."),
     ] = None,
     now: Annotated[
-        bool, typer.Option("--now", help="The robot leaves what it does for this order.")
+        bool,
+        typer.Option(
+            "--now",
+            callback=only_with("robot", "vda5050"),
+            help="The robot leaves what it does for this order.",
+        ),
     ] = False,
     wait: Annotated[
         bool, typer.Option("--wait", help="Wait until the order is over; tell its states.")
@@ -113,13 +138,11 @@ def order(
     Example: splinefleet order --connect tcp/127.0.0.1:7447 --to 9,5 --robot R1 --wait
     """
     wanted = _wanted(to, via or [], dwell, vda5050)
-    name = name_of(order_id or wanted.id, "--id")
-    whose = robot or wanted.robot
-    whose = name_of(whose, "--robot") if whose else ""
+    name, whose = order_id or wanted.id, robot or wanted.robot
     state: OrderState | None = None
     is_over = False
     with fleet_line(connect, fleet, patience, keys) as line:
-        given = Order(
+        wish = Order(
             boot=line.boot,
             id=name,
             goal=wanted.goal,
@@ -133,10 +156,10 @@ def order(
 
         def say(known: str) -> None:
             if state is None:
-                line.put(keys_of.order(known), given)
+                line.put(keys_of.order(known), wish)
 
         for message in line.messages(say, lasts=wait):
-            _refuse_another(message, given)
+            _refuse_another(message, wish)
             if isinstance(message, OrderState) and message.id == name:
                 before, state = state, message
                 is_over = state.state in (ORDER_DONE, CANCELLED, REFUSED)
@@ -160,9 +183,9 @@ def order(
         raise typer.Exit(1)
 
 
-def _refuse_another(message: Message, given: Order) -> None:
+def _refuse_another(message: Message, wish: Order) -> None:
     """Exit with code 1 if a message says that the id is that of another order."""
-    if isinstance(message, Order) and (message.id, message.boot) == (given.id, given.boot):
+    if isinstance(message, Order) and (message.id, message.boot) == (wish.id, wish.boot):
         from coordinator.view.order_lines import another_order
 
         tell(another_order(message), "red")
@@ -189,17 +212,10 @@ class _Wanted(NamedTuple):
 
 
 def _wanted(to: str | None, via: list[str], dwell: float, file: Path | None) -> _Wanted:
-    if (to is None) == (file is None):
-        raise typer.BadParameter("give a place, or --vda5050 FILE", param_hint="--to")
     if file is not None:
-        if via or dwell:
-            what = "stands in the file, with --vda5050"
-            raise typer.BadParameter(what, param_hint="--via, --dwell")
         return _read_wanted(file)
-    goal = numbers_of(to or "", (2, 3), "--to")
-    places = [numbers_of(one, (2,), "--via") for one in via]
-    if len(places) > MOST_VIAS:
-        raise typer.BadParameter(f"more than {MOST_VIAS} places", param_hint="--via")
+    goal = numbers_of(to or "", 2, 3)
+    places = [numbers_of(one, 2) for one in via]
     name = f"order-{os.urandom(4).hex()}"
     return _Wanted(name, "", goal, tuple((x, y) for x, y in places), dwell)
 
@@ -264,7 +280,9 @@ def orders(
 
 @commands.command(rich_help_panel="Operate")
 def cancel(
-    order_id: Annotated[str, typer.Argument(metavar="ORDER", help="The id of the order.")],
+    order_id: Annotated[
+        str, typer.Argument(metavar="ORDER", callback=named, help="The id of the order.")
+    ],
     connect: Connect,
     fleet: FleetName = None,
     patience: Patience = 20.0,
@@ -279,7 +297,7 @@ def cancel(
     """
     from coordinator.findings.info_fields import OrderSummary
 
-    name = name_of(order_id, "ORDER")
+    name = order_id
 
     def is_over(answer: Message) -> bool:
         if not isinstance(answer, OrderState) or answer.id != name:

@@ -5,16 +5,25 @@ Decides: their options and exit codes.  Heavy modules are imported when a comman
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
 import msgspec
 import typer
 
 from coordinator.base.console import answer_json, answers, tell, write_file
 from coordinator.base.errors import InputError
+from coordinator.cli.option_checks import (
+    given,
+    if_given,
+    not_with,
+    one_of,
+    only_with,
+    reached,
+    within,
+    writable,
+)
 from coordinator.service.key_option import Insecure, Keys
 
 if TYPE_CHECKING:
@@ -23,6 +32,7 @@ if TYPE_CHECKING:
     from coordinator.scenario.model import Scenario
 
 commands = typer.Typer()
+Value = TypeVar("Value")
 
 ScenarioFile = Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")]
 PlanFile = Annotated[
@@ -37,47 +47,6 @@ Source = Annotated[
     Path, typer.Argument(metavar="PLAN|LOG", help="Log of a run (MCAP) or plan file (JSON).")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
-
-
-def within(least: float, most: float = math.inf) -> Callable[[float], float]:
-    """Return a callback that accepts an option's finite numbers from `least` to `most`."""
-
-    def check(value: float) -> float:
-        if not (math.isfinite(value) and least <= value <= most):
-            high = f" to {most:g}" if most < math.inf else ""
-            raise typer.BadParameter(f"{value} is not a finite number from {least:g}{high}")
-        return value
-
-    return check
-
-
-def one_of(*known: str) -> Callable[[list[str] | None], list[str] | None]:
-    """Return a callback that accepts a repeatable option if all its values are among `known`."""
-
-    def check(names: list[str] | None) -> list[str] | None:
-        if unknown := [name for name in names or [] if name not in known]:
-            raise typer.BadParameter(f"{', '.join(unknown)} is not one of {', '.join(known)}")
-        return names
-
-    return check
-
-
-def writable(*suffixes: str) -> Callable[[Path | None], Path | None]:
-    """Return a callback that accepts a file with one of the suffixes in an existing folder.
-
-    Without suffixes it accepts any.
-    """
-
-    def check(path: Path | None) -> Path | None:
-        if path is None:
-            return None
-        if suffixes and path.suffix.lower() not in suffixes:
-            raise typer.BadParameter(f"{path} does not end in {' or '.join(suffixes)}")
-        if not path.parent.is_dir():
-            raise typer.BadParameter(f"{path}: there is no folder {path.parent}")
-        return path
-
-    return check
 
 
 def make_folder(folder: Path) -> None:
@@ -140,10 +109,25 @@ Speed = Annotated[
         help="Speed of the fleet's clock, 0.01 to 1000; 1 is real time, 2 twice as fast.",
     ),
 ]
+
+
+def _served(page: str) -> str:
+    """Accept a host and a port; whether it may be reached by others depends on the keys."""
+    from coordinator.service.desk_process import host_and_port
+
+    try:
+        host_and_port(page)
+    except InputError as error:
+        raise typer.BadParameter(str(error).removeprefix("--page: ")) from None
+    return page
+
+
 Page = Annotated[
     str | None,
     typer.Option(
-        metavar="HOST:PORT", help="Serve the operator's page there; port 0 takes a free one."
+        metavar="HOST:PORT",
+        callback=if_given(_served),
+        help="Serve the operator's page there; port 0 takes a free one.",
     ),
 ]
 
@@ -168,7 +152,10 @@ def plan(
     ] = None,
     step: Annotated[
         float,
-        typer.Option(callback=within(1e-4, 1e3), help="Seconds from one CSV row to the next."),
+        typer.Option(
+            callback=only_with("csv", check=within(1e-4, 1e3)),
+            help="Seconds from one CSV row to the next.",
+        ),
     ] = 0.02,
     policy: Annotated[
         Literal["safe", "paper"] | None,
@@ -267,6 +254,8 @@ def verify(
 
     site = None if scenario is None else read_scenario(scenario)
     if is_log(plan):
+        if allow_unproven:
+            raise typer.BadParameter("has no effect on a log", param_hint="--allow-unproven")
         _verify_log(plan, site, as_json)
         return
     document = read(plan)
@@ -312,10 +301,16 @@ def coordinator(
     scenario: ScenarioFile,
     listen: Annotated[
         str | None,
-        typer.Option(help="tcp/HOST:PORT to listen on; by default tcp/127.0.0.1:7447."),
+        typer.Option(
+            callback=reached, help="tcp/HOST:PORT to listen on; by default tcp/127.0.0.1:7447."
+        ),
     ] = None,
     connect: Annotated[
-        str | None, typer.Option(help="tcp/HOST:PORT of a router, in place of --listen.")
+        str | None,
+        typer.Option(
+            callback=not_with("listen", check=reached),
+            help="tcp/HOST:PORT of a router, in place of --listen.",
+        ),
     ] = None,
     keys: Keys = None,
     insecure: Insecure = False,
@@ -329,7 +324,10 @@ def coordinator(
     ] = None,
     log_size: Annotated[
         float,
-        typer.Option(callback=within(0.1), help="MB after which a folder gets its next file."),
+        typer.Option(
+            callback=only_with("log", "resume", check=within(0.1)),
+            help="MB after which a folder gets its next file.",
+        ),
     ] = 64.0,
     resume: Annotated[
         Path | None,
@@ -341,6 +339,7 @@ def coordinator(
         bool,
         typer.Option(
             "--with-scenario",
+            callback=only_with("resume"),
             help="With --resume: freeze, and plan anew on the scenario's floor, which has changed.",
         ),
     ] = False,
@@ -367,8 +366,6 @@ def coordinator(
     from coordinator.service.launch import Coordinator
     from coordinator.service.meeting_place import meeting_place
 
-    if with_scenario and resume is None:
-        raise typer.BadParameter("needs --resume LOG", param_hint="--with-scenario")
     place = meeting_place(listen, connect, keys, insecure)
     desk = None if page is None else desk_place(page, keys)
     asked = read_scenario(scenario)
@@ -387,6 +384,14 @@ def coordinator(
     raise typer.Exit(code)
 
 
+def _drawn(context: typer.Context, param: typer.CallbackParam, value: Value) -> Value:
+    """Accept an option of pictures, which a page, FILE.html, ignores."""
+    output = context.params.get("output")
+    if given(context, str(param.name)) and output and output.suffix.lower() == ".html":
+        raise typer.BadParameter(f"has no effect on a page, {output}")
+    return value
+
+
 @commands.command(rich_help_panel="Plan")
 def plot(
     source: Annotated[Path, typer.Argument(metavar="PLAN|LOG", help="Plan file or log.")],
@@ -394,12 +399,16 @@ def plot(
         Path, typer.Option("-o", "--output", help="FILE.svg, .png or .html.", callback=writable())
     ],
     robots: Annotated[
-        str, typer.Option(help="Robots to draw in full, such as R1,R3; the others are faint.")
+        str,
+        typer.Option(
+            callback=_drawn, help="Robots to draw in full, such as R1,R3; the others are faint."
+        ),
     ] = "",
     detail: Annotated[
         bool | None,
         typer.Option(
             "--detail/--no-detail",
+            callback=_drawn,
             help="Draw control polygons and curvature combs; by default for 8 robots or fewer.",
         ),
     ] = None,

@@ -11,33 +11,33 @@ import typer
 
 from coordinator.base.console import tell
 from coordinator.cli.fleet_line import Connect, FleetLine, FleetName, Patience, fleet_line
-from coordinator.cli.order_commands import name_of, numbers_of
-from coordinator.cli.plan_commands import within
+from coordinator.cli.option_checks import if_given, named, numbers_of, place_of, within
 from coordinator.service.key_option import Keys
 from protocol import keys as places
 from protocol.messages import CANCELLED, ORDER_DONE, REFUSED, Join, Leave, OrderState
 
 commands = typer.Typer()
 
-Robot = Annotated[str, typer.Argument(metavar="ROBOT", help="The robot.")]
-
-
-def _accel(value: float | None) -> float | None:
-    """Check the acceleration of a robot, if one is given."""
-    return None if value is None else within(0.001, 1000.0)(value)
+Robot = Annotated[str, typer.Argument(metavar="ROBOT", callback=named, help="The robot.")]
 
 
 @commands.command(rich_help_panel="Operate")
 def join(
     robot: Robot,
-    at: Annotated[str, typer.Option(help="X,Y,HEADING in m and rad: where it stands.")],
+    at: Annotated[
+        str,
+        typer.Option(callback=place_of(3), help="X,Y,HEADING in m and rad: where it stands."),
+    ],
     connect: Connect,
     fleet: FleetName = None,
     radius: Annotated[float, typer.Option(callback=within(0.001, 100.0), help="Metres.")] = 0.2,
     max_speed: Annotated[float, typer.Option(callback=within(0.001, 100.0), help="m/s.")] = 0.5,
     max_accel: Annotated[
         float | None,
-        typer.Option(callback=_accel, help="m/s^2; by default it reaches its speed within 1 s."),
+        typer.Option(
+            callback=if_given(within(0.001, 1000.0)),
+            help="m/s^2; by default it reaches its speed within 1 s.",
+        ),
     ] = None,
     min_turn_radius: Annotated[
         float, typer.Option(callback=within(0.0, 1000.0), help="Metres.")
@@ -55,12 +55,11 @@ def join(
 
     Example: splinefleet join R9 --at 1,2,0 --connect tcp/127.0.0.1:7447
     """
-    name = name_of(robot, "ROBOT")
-    x, y, heading = numbers_of(at, (3,), "--at")
+    x, y, heading = numbers_of(at, 3)
     accel = 0.0 if max_accel is None else max_accel
     with fleet_line(connect, fleet, patience, keys) as line:
         limits = (radius, max_speed, accel, min_turn_radius, max_turn_rate)
-        _ask(line, f"join-{name}", Join(line.boot, name, (x, y, heading), *limits))
+        _ask(line, f"join-{robot}", Join(line.boot, robot, (x, y, heading), *limits))
 
 
 @commands.command(rich_help_panel="Operate")
@@ -80,9 +79,8 @@ def leave(
 
     Example: splinefleet leave R3 --connect tcp/127.0.0.1:7447
     """
-    name = name_of(robot, "ROBOT")
     with fleet_line(connect, fleet, patience, keys) as line:
-        _ask(line, f"leave-{name}", Leave(line.boot, name))
+        _ask(line, f"leave-{robot}", Leave(line.boot, robot))
 
 
 def _ask(line: FleetLine, answer: str, message: Join | Leave) -> None:

@@ -11,6 +11,9 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 import typer
+import typer.core
+
+from coordinator.cli.checked_command import UsageProblems
 
 _ARGUMENT: Final = re.compile(r"\{(\w+)\}")
 """An argument without a metavar, as Typer writes it into the usage line."""
@@ -22,15 +25,33 @@ _LIMITS: Final = {
 }
 
 
+def usage_lines(error: typer.TyperException) -> list[str]:
+    """Return one line for each problem of a command line; none if Typer has shown the help."""
+    problems = error.problems if isinstance(error, UsageProblems) else [error]
+    return [line for line in map(usage_line, problems) if line]
+
+
 def usage_line(error: typer.TyperException) -> str:
     """Return one line for an invalid command line; "" if Typer has shown the help instead."""
     if isinstance(error, typer.BadParameter):
         name = _name(error)
         if type(error).__name__ == "MissingParameter":
             return f"{name} is missing{_usage(error)}"
-        return f"{name}: {_problem(error)}" if name else _problem(error)
+        problem = _problem(error) + _shape(getattr(error, "param", None))
+        return f"{name}: {problem}" if name else problem
     told = _plain(error.format_message())
+    option, context = getattr(error, "option_name", None), getattr(error, "ctx", None)
+    for known in context.command.params if context is not None else ():
+        if option in known.opts:
+            return told + _shape(known)
     return told + _usage(error) if told else ""
+
+
+def _shape(parameter: typer.core.TyperOption | None) -> str:
+    """Return how an option with several values is written, as the end of a line."""
+    if parameter is None or parameter.nargs < 2:
+        return ""
+    return f"; it is {max(parameter.opts, key=len)} {parameter.metavar}, separated by spaces"
 
 
 def _usage(error: typer.TyperException) -> str:

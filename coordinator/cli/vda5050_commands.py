@@ -16,7 +16,8 @@ import typer
 from coordinator.base.console import tell, write_file
 from coordinator.base.errors import InputError
 from coordinator.cli.import_commands import imports, write_scenario
-from coordinator.cli.plan_commands import make_folder, newest_plan, within, writable
+from coordinator.cli.option_checks import within, writable
+from coordinator.cli.plan_commands import make_folder, newest_plan
 from coordinator.exchange.vda5050 import Version
 
 if TYPE_CHECKING:

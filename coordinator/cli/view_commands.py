@@ -14,6 +14,7 @@ import typer
 
 from coordinator.base.console import answers, tell
 from coordinator.cli.fleet_line import sender
+from coordinator.cli.option_checks import named, only_with, reached
 from coordinator.service.key_option import Keys, given_keys
 from protocol.key_files import read_key_files
 from protocol.transport import TransportError
@@ -41,10 +42,17 @@ def view(
     ] = True,
     connect: Annotated[
         str | None,
-        typer.Option(help="Follow a running fleet: tcp/HOST:PORT of the coordinator or router."),
+        typer.Option(
+            callback=reached,
+            help="Follow a running fleet: tcp/HOST:PORT of the coordinator or router.",
+        ),
     ] = None,
     fleet: Annotated[
-        str | None, typer.Option(help="Name of the fleet; by default the first one heard.")
+        str | None,
+        typer.Option(
+            callback=only_with("connect", check=named),
+            help="With --connect: name of the fleet; by default the first one heard.",
+        ),
     ] = None,
     keys: Keys = None,
 ) -> None:

@@ -20,7 +20,7 @@ from coordinator.scenario.checks import (
     printable,
     show,
 )
-from coordinator.scenario.model import Robot, Scenario, Workspace, usual_turn_rate
+from coordinator.scenario.model import MOST_ROBOTS, Robot, Scenario, Workspace, usual_turn_rate
 from coordinator.scenario_files.maps.cells import Grid
 from coordinator.scenario_files.maps.floor_map import fail, read_bytes
 from coordinator.scenario_files.maps.movingai import (
@@ -28,7 +28,6 @@ from coordinator.scenario_files.maps.movingai import (
     floor_map_of,
     read_movingai_grid,
 )
-from coordinator.scenario_files.scenario_reader import MOST_ROBOTS
 
 _MOST_BYTES: Final = 64_000_000
 _FIELDS: Final = ("width", "height", "start x", "start y", "goal x", "goal y")

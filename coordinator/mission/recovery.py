@@ -19,7 +19,7 @@ from coordinator.base.errors import PlanError
 from coordinator.fleet.rest_places import Standing
 from coordinator.mission.disbelieved_places import doubtful
 from coordinator.mission.replanning_input import Rides, Site, next_site, passable
-from coordinator.paths.path_planner import Pathfinder
+from coordinator.paths.path_planner import Pathfinder, closed_in
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.wire import PackedPlan
 from coordinator.scenario.model import Point, Robot, Scenario
@@ -111,7 +111,7 @@ def _with_those_that_can(
         try:
             return Recovery(site, _plan(scenario, epoch, plan), tuple(said), stays)
         except PlanError as error:
-            stay = _closed_in(turned(scenario)) or {_blamed(scenario, error): error}
+            stay = closed_in(turned(scenario)) or {_blamed(scenario, error): error}
         for name, why in stay.items():
             closed = () if every_via else _closed_via(turned(scenario), name)
             if closed:
@@ -156,18 +156,6 @@ def turned(scenario: Scenario) -> Scenario:
         for robot in scenario.robots
     )
     return replace(scenario, robots=robots)
-
-
-def _closed_in(scenario: Scenario) -> dict[str, PlanError]:
-    """Return the robots that would have no way to their goals even if they were alone, and why."""
-    finder = Pathfinder(scenario)
-    closed = {}
-    for index, robot in enumerate(scenario.robots):
-        try:
-            finder.path(index)
-        except PlanError as error:
-            closed[robot.id] = error
-    return closed
 
 
 def _closed_via(scenario: Scenario, name: str) -> tuple[Point, ...]:

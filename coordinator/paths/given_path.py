@@ -124,8 +124,11 @@ def path_of(curve: Nurbs) -> GivenPath:
     )
 
 
-def given_curve(robot: Robot, path: GivenPath, margin: float, floor: Floor) -> Nurbs:
-    """Return the curve of a robot's given path; raises PlanError if it cannot be driven."""
+def given_curve(robot: Robot, path: GivenPath, margin: float, floor: Floor | None) -> Nurbs:
+    """Return the curve of a robot's given path; raises PlanError if it cannot be driven.
+
+    Clearance is not checked where the `floor`, the margin [m] or the robot's radius is unknown.
+    """
     curve = curve_of(path)
     told = list(complaints(curve, robot, margin, floor))
     if told:
@@ -133,20 +136,26 @@ def given_curve(robot: Robot, path: GivenPath, margin: float, floor: Floor) -> N
     return curve
 
 
-def path_problems(scenario: Scenario) -> list[str]:
-    """Return why given paths cannot be driven, one line per robot."""
-    floor = Floor(scenario.workspace.boundary, scenario.workspace.obstacles)
+def path_problems(scenario: Scenario, has_floor: bool = True) -> list[str]:
+    """Return why given paths cannot be driven, one line per robot.
+
+    A path without control points was invalid as such.  `has_floor`: whether the workspace is valid.
+    """
+    space = scenario.workspace
+    floor = Floor(space.boundary, space.obstacles) if has_floor else None
     problems = []
     for index, robot in enumerate(scenario.robots):
-        if robot.path is not None:
+        if robot.path is not None and robot.path.control_points:
             try:
                 given_curve(robot, robot.path, scenario.margin, floor)
             except PlanError as error:
-                problems.append(f"robots[{index}].path: {robot.id}: {error}")
+                field = f"robots[{index}]"
+                name = "" if robot.id in ("", field) else f"{robot.id}: "
+                problems.append(f"{field}.path: {name}{error}")
     return problems
 
 
-def complaints(curve: Nurbs, robot: Robot, margin: float, floor: Floor) -> Iterator[str]:
+def complaints(curve: Nurbs, robot: Robot, margin: float, floor: Floor | None) -> Iterator[str]:
     """Yield why a robot cannot drive a curve: too sharp turns, too little clearance; margin [m]."""
     turns: list[str] = []
     if math.isfinite(robot.max_lateral_accel) or robot.min_turn_radius > 0.0:
@@ -154,6 +163,8 @@ def complaints(curve: Nurbs, robot: Robot, margin: float, floor: Floor) -> Itera
     for x, y in [] if turns else still(curve)[:1]:
         turns = [f"has no direction at ({x:.2f}, {y:.2f}), where control points are repeated"]
     yield from turns
+    if floor is None or not math.isfinite(robot.radius + margin):
+        return
     chain = flatten(curve, _FLAT)
     clearance = floor.gap(chain.points) - chain.bound - robot.radius
     if clearance < margin - _SHORTFALL:

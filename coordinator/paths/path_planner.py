@@ -88,6 +88,18 @@ def _paths_of(scenario: Scenario, indices: Sequence[int]) -> list[Nurbs]:
     return find_paths(Pathfinder(scenario), None, indices)
 
 
+def closed_in(scenario: Scenario) -> dict[str, PlanError]:
+    """Return the robots that would have no way to their goals even if they were alone, and why."""
+    finder = Pathfinder(scenario)
+    closed = {}
+    for index, robot in enumerate(scenario.robots):
+        try:
+            finder.path(index)
+        except PlanError as error:
+            closed[robot.id] = error
+    return closed
+
+
 class Pathfinder:
     """A search for the robots' paths on one floor; `floor`: that of the scenario, if it is made."""
 

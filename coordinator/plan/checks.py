@@ -7,9 +7,9 @@ Decides: which documents are accepted, and the wording of each problem.  Must no
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from protocol.keys import NAME, NAME_IN_WORDS
 from protocol.messages import MAX_MESSAGE_BYTES
@@ -97,15 +97,25 @@ _LIMITS: Final = {
 
 def find_problems(document: PlanDocument) -> list[str]:
     """Return a line for each problem of a document: the field, its value and what is allowed."""
+    fields = {key: getattr(document, key) for key in (*_DOCUMENT, "link")}
+    return parts_problems(fields, document.robots, document.workspace)
+
+
+def parts_problems(
+    fields: Mapping[str, Any], robots: Sequence[RobotPlan | None], floor: Floor | None
+) -> list[str]:
+    """Return the problems of the parts of a document; a part may be left out, a robot be None."""
     problems: list[str] = []
-    for key, allowed in _DOCUMENT.items():
-        problems += allowed.faults(key, getattr(document, key))
-    for key, allowed in _LINK.items():
-        problems += allowed.faults(f"link.{key}", getattr(document.link, key))
-    if not document.robots:
+    for key in [key for key in _DOCUMENT if key in fields]:
+        problems += _DOCUMENT[key].faults(key, fields[key])
+    for key, allowed in _LINK.items() if "link" in fields else ():
+        problems += allowed.faults(f"link.{key}", getattr(fields["link"], key))
+    if not robots:
         problems.append("robots: is empty, must contain at least one robot")
     seen: set[str] = set()
-    for index, robot in enumerate(document.robots):
+    for index, robot in enumerate(robots):
+        if robot is None:
+            continue
         named = NAME.fullmatch(robot.id) and robot.id not in seen
         where = f"robots[{robot.id if named else index}]"
         if not NAME.fullmatch(robot.id):
@@ -115,8 +125,8 @@ def find_problems(document: PlanDocument) -> list[str]:
             problems.append(f"{where}.id: {robot.id!r} is used twice, must be unique")
         seen.add(robot.id)
         problems += _robot_faults(where, robot)
-    if document.workspace is not None:
-        problems += _floor_faults(document.workspace)
+    if floor is not None:
+        problems += _floor_faults(floor)
     return problems
 
 
@@ -155,10 +165,13 @@ def path_faults(where: str, path: Path, names: PathNames = PATH_NAMES) -> Iterat
         )
     if path.degree not in _DEGREES:
         yield f"{where}.degree: is {path.degree}, must be 1 to 7"
-    elif count <= path.degree:
+        return
+    if count <= path.degree:
         least = path.degree + 1
         yield f"{where}.{names.points}: has {count}, degree {path.degree} needs {least} or more"
-    elif len(path.knots) != count + path.degree + 1:
+        if not path.knots:
+            return
+    if len(path.knots) != count + path.degree + 1:
         yield (
             f"{where}.{names.knots}: has {len(path.knots)}, "
             f"must have control points + degree + 1 = {count + path.degree + 1}"

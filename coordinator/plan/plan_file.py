@@ -6,6 +6,7 @@ know: which values a plan may have (checks.py, references.py).
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +18,7 @@ from coordinator.plan.document import FORMAT, PlanDocument
 from coordinator.plan.references import find_wrong_names
 from coordinator.scenario.file_kinds import kind_of, wrong_kind
 
+_MOST_DIGITS: Final = 300
 _PLAN: Final = FORMAT[: FORMAT.index("/") + 1]
 
 
@@ -42,6 +44,9 @@ def from_json(text: bytes, name: str = "plan") -> PlanDocument:
     """Parse and check plan.json; raises InputError naming the file and every bad field."""
     try:
         document = msgspec.json.decode(text, type=PlanDocument)
+    except msgspec.ValidationError as error:
+        found = _all_problems(text) or [str(error)]
+        raise InputError([f"{name}: {problem}" for problem in found]) from None
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise InputError([f"{name}: {error}"]) from None
     if document.format != FORMAT:
@@ -51,6 +56,21 @@ def from_json(text: bytes, name: str = "plan") -> PlanDocument:
     if problems:
         raise InputError([f"{name}: {problem}" for problem in problems])
     return document
+
+
+def _all_problems(text: bytes) -> list[str]:
+    """Return all problems of a document with a field of another kind; none if Python fails."""
+    from coordinator.plan.form import all_problems
+
+    try:
+        return all_problems(json.loads(text, parse_int=_whole))
+    except (ValueError, RecursionError):
+        return []
+
+
+def _whole(digits: str) -> float:
+    """Return a whole number; infinity for one that no float comes near."""
+    return int(digits) if len(digits) < _MOST_DIGITS else float(digits)
 
 
 def read(path: Path) -> PlanDocument:

@@ -41,12 +41,12 @@ def limit_failures(driven: Driven, limits: Limits, *, from_rest: bool = True) ->
     line, failures = driven.timeline, []
     v0, v1 = np.array(line.v0), np.array(line.v1)
     if max(v0.max(), v1.max()) > limits.max_speed * _SPEED:
-        failures.append(f"{driven.id} drives faster than {limits.max_speed} m/s")
+        failures.append(f"{driven.id} drives faster than {limits.max_speed:g} m/s")
     length = np.array(line.s1) - np.array(line.s0) + 1e-5
     rate = np.abs(v1**2 - v0**2) / (2.0 * length)
     if limits.max_accel is not None:
         if rate.max() > limits.max_accel * _ACCEL:
-            failures.append(f"{driven.id} changes speed faster than {limits.max_accel} m/s^2")
+            failures.append(f"{driven.id} changes speed faster than {limits.max_accel:g} m/s^2")
         if (from_rest and v0[0] > 1e-6) or v1[-1] > 1e-6:
             failures.append(f"{driven.id} does not begin and end at rest")
         told = driven.plan.brake_mmps2
@@ -96,13 +96,13 @@ def _bend_failures(driven: Driven, limits: Limits) -> list[str]:
     if lateral is not None:
         at = too_sharp(curve, table, knots, squares, 1, lateral * _LATERAL)
         if at >= 0.0:
-            failures.append(f"{driven.id} takes a bend above {lateral} m/s^2 at {at:.2f} m")
+            failures.append(f"{driven.id} takes a bend above {lateral:g} m/s^2 at {at:.2f} m")
     if turning is not None:
         at = too_sharp(curve, table, knots, squares, 2, (turning * _TURN_RATE) ** 2)
         if at >= 0.0:
-            failures.append(f"{driven.id} turns faster than {turning} rad/s at {at:.2f} m")
+            failures.append(f"{driven.id} turns faster than {turning:g} rad/s at {at:.2f} m")
     if radius > 0.0:
         at = too_sharp(curve, table, knots, np.ones((len(line.s0), 2)), 1, _TURN / radius)
         if at >= 0.0:
-            failures.append(f"{driven.id} turns tighter than {radius} m at {at:.2f} m")
+            failures.append(f"{driven.id} turns tighter than {radius:g} m at {at:.2f} m")
     return failures

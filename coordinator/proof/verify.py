@@ -228,7 +228,7 @@ def _misses(driven: Driven, robot: Robot) -> list[str]:
             if along @ (math.cos(pose[2]), math.sin(pose[2])) < math.cos(_HEADING):
                 failures.append(f"{driven.id}'s heading at its {name} is not the scenario's")
     failures += [
-        f"{driven.id} does not pass ({place[0]}, {place[1]})"
+        f"{driven.id} does not pass ({place[0]:g}, {place[1]:g})"
         for place in robot.via
         if _distance(np.array(place), driven.chain.points) > TOLERANCE + driven.chain.bound
     ]

@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
+import sys
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
@@ -19,7 +20,7 @@ import shapely
 
 from coordinator.scenario.id_checks import doubled_ids
 from coordinator.scenario.margin import LEAST_MARGIN, LEAST_TRACK_MM, between_robots
-from coordinator.scenario.model import Point, Pose, Robot, Scenario
+from coordinator.scenario.model import Point, Pose, Robot, Scenario, Workspace
 from coordinator.scenario.obstacle_names import polygons_of
 from coordinator.scenario.order_checks import order_problems, order_spots
 from coordinator.scenario.place_checks import (
@@ -85,7 +86,7 @@ class Quantity(NamedTuple):
         if value > self.most or (value == self.most and self.below_most):
             limit = "not below" if self.below_most else "above"
             return _joined(f"{shown} is {limit} {self.most:g} {self.unit}".rstrip(), self.why)
-        return None
+        return f"{shown} is too large" if abs(value) > sys.float_info.max else None
 
 
 def _joined(complaint: str, reason: str) -> str:
@@ -137,13 +138,7 @@ def key_name(key: str) -> str:
 def find_problems(scenario: Scenario) -> list[str]:
     """Return all that is wrong with the scenario, each as `field: what is wrong`."""
     floor = scenario.workspace
-    rings = {BOUNDARY: floor.boundary} if floor.boundary else {}
-    rings |= {index: ring for index, ring in enumerate(floor.obstacles) if ring}
-    shapes = polygons_of(list(rings.values()))
-    polygons: dict[int, shapely.Polygon] = dict(zip(rings, shapes.tolist(), strict=True))
-    flat = shapely.area(shapely.convex_hull(shapes)) <= LEAST_AREA
-    doubtful = np.array(list(rings), np.intp)[flat | ~shapely.is_valid(shapes)].tolist()
-    faults = {index: ring_fault(polygons[index]) for index in doubtful}
+    polygons, faults = _outlines(floor)
     sound = {index: polygon for index, polygon in polygons.items() if index not in faults}
     problems = [
         f"{shape_name(floor, polygons, i, polygons[i])}: {fault}" for i, fault in faults.items()
@@ -160,6 +155,26 @@ def find_problems(scenario: Scenario) -> list[str]:
         for which in ("start", "goal"):
             problems += _overlaps(scenario, which)
     return problems
+
+
+def is_sound(floor: Workspace) -> bool:
+    """Return whether the floor has an outline, and this and all obstacles are valid."""
+    polygons, faults = _outlines(floor)
+    return not faults and BOUNDARY in polygons and len(polygons) == len(floor.obstacles) + 1
+
+
+def _outlines(floor: Workspace) -> tuple[dict[int, shapely.Polygon], dict[int, str | None]]:
+    """Return the outlines of the floor and its obstacles, and what is wrong with the invalid ones.
+
+    Both are by index; empty ones are left out.
+    """
+    rings = {BOUNDARY: floor.boundary} if floor.boundary else {}
+    rings |= {index: ring for index, ring in enumerate(floor.obstacles) if ring}
+    shapes = polygons_of(list(rings.values()))
+    polygons: dict[int, shapely.Polygon] = dict(zip(rings, shapes.tolist(), strict=True))
+    flat = shapely.area(shapely.convex_hull(shapes)) <= LEAST_AREA
+    doubtful = np.array(list(rings), np.intp)[flat | ~shapely.is_valid(shapes)].tolist()
+    return polygons, {index: ring_fault(polygons[index]) for index in doubtful}
 
 
 def corners_fault(corners: Sequence[Point]) -> str | None:

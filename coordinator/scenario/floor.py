@@ -64,7 +64,7 @@ class Floor:
         """
         outline = self.obstacles[index]
         known = self._names.get(index)
-        return known or obstacle_name(f"obstacle {index}", index, outline, near, part)
+        return known or obstacle_name(f"workspace.obstacles[{index}]", index, outline, near, part)
 
     def what_is_at(self, place: Point, reach: float, part: MapPart | None = None) -> str:
         """Return in words what is solid nearer than `reach` [m] to a place [m], to follow "which".

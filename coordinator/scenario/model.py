@@ -15,6 +15,8 @@ Point = tuple[float, float]
 Pose = tuple[float, float] | tuple[float, float, float]
 Policy = Literal["safe", "paper"]
 
+MOST_ROBOTS: Final = 10_000
+"""The most robots of a scenario."""
 TURN_RATE: Final = 2.0
 """How fast robots turn [rad/s] if a scenario does not say it and they take time to speed up."""
 

@@ -44,15 +44,30 @@ def order_problems(scenario: Scenario) -> Iterator[str]:
     for index, order in enumerate(orders):
         if order.id.startswith(OWN):
             yield f"orders[{index}].id: {order.id!r} is not allowed: {OWN_IN_WORDS}"
-    for index, robot in enumerate(scenario.robots if scenario.demand is not None else ()):
-        if f"{robot.id}-" in OWN:
-            yield f"robots[{index}].id: {robot.id!r} gets orders by a demand: {OWN_IN_WORDS}"
+    if scenario.demand is not None:
+        yield from _demand_ids(scenario, scenario.demand)
     yield from _unknown_names(scenario)
     yield from _cycles(orders)
     for index, order in enumerate(orders):
         yield from missing_steps(f"orders[{index}]", _places(index, order))
     if scenario.demand is not None and scenario.demand.places:
         yield from _demand_problems(scenario, scenario.demand)
+
+
+def _demand_ids(scenario: Scenario, demand: Demand) -> Iterator[str]:
+    """Yield a message for each id that the orders of the demand, ROBOT-1 and so on, must not have.
+
+    A robot's name decides those ids, and no other order may have one of them.
+    """
+    robots = {robot.id for robot in scenario.robots}
+    for index, robot in enumerate(scenario.robots):
+        if f"{robot.id}-" in OWN:
+            yield f"robots[{index}].id: {robot.id!r} gets orders by a demand: {OWN_IN_WORDS}"
+    for index, order in enumerate(scenario.orders):
+        robot_id, _, number = order.id.rpartition("-")
+        counts = range(1, demand.per_robot + 1)
+        if robot_id in robots and number.isdecimal() and int(number) in counts:
+            yield f"orders[{index}].id: {order.id!r} is the id of an order of the demand"
 
 
 def order_spots(scenario: Scenario) -> Iterator[Spot]:

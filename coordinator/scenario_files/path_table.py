@@ -38,18 +38,21 @@ def read_path(robot: Table) -> tuple[GivenPath, Point, Point]:
 
 def _path(value: object, where: str, problems: list[str]) -> GivenPath:
     table = Table(value, where, GivenPath.__struct_fields__, PATH_REQUIRED, problems)
-    before = len(problems)
-    degree = table.values.get("degree")
+    degree, points = table.values.get("degree"), table.values.get("control_points")
     if type(degree) is not int and "degree" in table.values:
         table.note("degree", f"{show(degree)} is not a whole number")
     path = GivenPath(
         degree=degree if type(degree) is int else 1,
-        control_points=table.points("control_points"),
+        # An invalid point is told once; the others are checked, and how many there are.
+        control_points=tuple(
+            point if math.isfinite(point[0]) else (0.0, 0.0)
+            for point in table.points("control_points")
+        ),
         knots=_numbers(table, "knots"),
         weights=_numbers(table, "weights"),
         **cast(Mapping[str, float], table.numbers(ROUNDING)),
     )
-    if table.values.keys() >= set(PATH_REQUIRED) and len(problems) == before:
+    if type(degree) is int and isinstance(points, list):
         problems += given_faults(path, where)
     return path
 

@@ -24,12 +24,14 @@ from coordinator.scenario.checks import (
     SCENARIO_QUANTITIES,
     Quantity,
     find_problems,
+    is_sound,
     key_name,
     printable,
     show,
 )
 from coordinator.scenario.file_kinds import LOG_MAGIC, kind_of_document, wrong_kind
 from coordinator.scenario.model import (
+    MOST_ROBOTS,
     Link,
     Policy,
     Pose,
@@ -43,7 +45,6 @@ from coordinator.scenario_files.path_table import read_path
 from coordinator.scenario_files.table_reader import MOST_PRIORITY, Table
 from coordinator.scenario_files.workspace_reader import read_workspace
 
-MOST_ROBOTS: Final = 10_000
 LINK_QUANTITIES: Final = {
     "delay": Quantity("s", from_least=True, most=5.0),
     "loss": Quantity(from_least=True, most=0.5),
@@ -79,10 +80,10 @@ def parse_scenario(text: bytes, name: str) -> Scenario:
         raise InputError([wrong_kind(name, "plan", "scenario")])
     scenario = _scenario(document, name, problems)
     problems += find_problems(scenario)
-    if not problems and any(robot.path is not None for robot in scenario.robots):
+    if any(robot.path is not None and robot.path.control_points for robot in scenario.robots):
         from coordinator.paths.given_path import path_problems  # loads kernels
 
-        problems += path_problems(scenario)
+        problems += path_problems(scenario, is_sound(scenario.workspace))
     if problems:
         raise InputError([f"{file}: {problem}" for problem in problems])
     return scenario
@@ -186,6 +187,10 @@ def _robot(value: object, where: str, problems: list[str]) -> Robot:
     given = isinstance(value, dict) and "path" in value
     required = ROBOT_REQUIRED_ON_PATH if given else ROBOT_REQUIRED
     table = Table(value, where, Robot.__struct_fields__, required, problems)
+    # A robot without an id is called after its place in the file; an invalid id may be the one that
+    # orders name, so it becomes "".
+    has_id = "id" in table.values or "id" in table.excused
+    name = table.name("id") if has_id else where
     fields = {"radius": math.nan, "max_speed": math.nan} | table.numbers(ROBOT_QUANTITIES)
     fields.setdefault("max_accel", fields["max_speed"])
     fields.setdefault("max_lateral_accel", fields["max_accel"])
@@ -195,10 +200,10 @@ def _robot(value: object, where: str, problems: list[str]) -> Robot:
         fields["home"] = table.place("home", 2, 3)
     if given:
         path, start, goal = read_path(table)
-        return Robot(id=table.name("id"), start=start, goal=goal, path=path, **fields)
+        return Robot(id=name, start=start, goal=goal, path=path, **fields)
     stand = cast(Pose, table.place("start", 2, 3))
     return Robot(
-        id=table.name("id"),
+        id=name,
         start=stand,
         goal=_goal(table, stand),
         via=table.points("via"),

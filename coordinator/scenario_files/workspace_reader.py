@@ -90,16 +90,19 @@ def _map(table: Table, folder: Path) -> FloorMap:
             table.note(key, "is for maps, and workspace.map is not given")
         return nothing
     name = table.text("map")
-    if not name or any(math.isnan(number) for number in numbers.values()):
+    if not name:
         return nothing
+    sound = {key: number for key, number in numbers.items() if not math.isnan(number)}
     from coordinator.scenario_files.maps.map_reader import read_map
 
     try:
-        return read_map(folder / name, MapOptions(layer, boundary_layer, **numbers))
+        found = read_map(folder / name, MapOptions(layer, boundary_layer, **sound))
     except InputError as error:
         for problem in error.problems:
             table.note("map", problem)
         return nothing
+    # Polygons of another scale than the file wants would make further problems.
+    return found if len(sound) == len(numbers) else nothing
 
 
 def _notes(table: Table) -> tuple[str, ...]:

@@ -42,17 +42,23 @@ def desk_place(page: str, keys: Path | None) -> DeskPlace:
     This machine needs no keys.  Raises InputError if the place is malformed or open to strangers,
     InputError or TransportError if the keys are not usable.
     """
-    host, colon, port = page.rpartition(":")
-    host = host.removeprefix("[").removesuffix("]")
-    if not (colon and host and port.isdecimal() and int(port) <= 65_535):
-        raise InputError([f"--page: {page[:60]} is not HOST:PORT"])
-    if Endpoint("tcp", host, int(port)).is_loopback:
-        return DeskPlace(host, int(port))
+    host, port = host_and_port(page)
+    if Endpoint("tcp", host, port).is_loopback:
+        return DeskPlace(host, port)
     if keys is None:
         raise InputError([f"--page: {host} is open to strangers; give --keys, or use 127.0.0.1"])
     badges = KeyStore(keys).register().valid(datetime.datetime.now(datetime.UTC))
     valid = frozenset(one.common_name for one in badges)
-    return DeskPlace(host, int(port), read_key_files(keys, "coordinator"), valid)
+    return DeskPlace(host, port, read_key_files(keys, "coordinator"), valid)
+
+
+def host_and_port(page: str) -> tuple[str, int]:
+    """Return what --page HOST:PORT states; raises InputError if it is malformed."""
+    host, colon, port = page.rpartition(":")
+    host = host.removeprefix("[").removesuffix("]")
+    if not (colon and host and port.isdecimal() and int(port) <= 65_535):
+        raise InputError([f"--page: {page[:60]} is not HOST:PORT"])
+    return host, int(port)
 
 
 @contextmanager

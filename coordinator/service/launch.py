@@ -21,6 +21,7 @@ from msgspec.structs import replace
 
 from coordinator.base.console import answer_json, tell_now, write_file
 from coordinator.base.errors import InputError
+from coordinator.desk.answers import Alarm
 from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.hold_reasons import RollCall
@@ -275,13 +276,19 @@ class Coordinator:
             self._tell_incidents(fleet)
             self._tell_aside(mission)
             for alarm, text in bell.news(fleet, now_ns, time.time()):
-                self._say("alarm", **{**msgspec.structs.asdict(alarm), "text": text})
+                self._tell_alarm(alarm, text)
             waiting = self._roll_call.news(fleet, now_ns)
             if waiting:
                 self._say("waiting", text=waiting)
             table.watch(fleet, now_ns)
 
         return watch
+
+    def _tell_alarm(self, alarm: Alarm, text: str) -> None:
+        """Report an alarm; people have read in the line before it that an order is refused."""
+        is_refusal = alarm.is_lasting and alarm.order != ""
+        if self._events or not is_refusal:
+            self._say("alarm", **{**msgspec.structs.asdict(alarm), "text": text})
 
     def _tell_incidents(self, fleet: Fleet) -> None:
         """Report the incidents since the last call."""

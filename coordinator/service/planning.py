@@ -10,7 +10,8 @@ import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-from coordinator.base.errors import InputError
+from coordinator.base.errors import InputError, PlanError, SeveralRobotsError
+from coordinator.paths.path_planner import closed_in
 from coordinator.plan.wire import PackedPlan
 from coordinator.planning.planner import DEFAULT_EFFORT, Timer, plan_fleet
 from coordinator.scenario.model import Scenario
@@ -30,7 +31,16 @@ def plan_here(
     epoch: int = 1,
     timer: Timer = time.perf_counter,
 ) -> PackedPlan:
-    """Return the plan of a scenario; raise PlanError as planner.plan_fleet does."""
+    """Return the plan of a scenario; raise PlanError as planner.plan_fleet does.
+
+    The error of the first epoch tells all robots that have no way, not only the first of them.
+    """
     get_kernels_ready()
-    with ThreadPoolExecutor(os.cpu_count()) as executor:
-        return plan_fleet(scenario, effort=effort, epoch=epoch, timer=timer, executor=executor)
+    try:
+        with ThreadPoolExecutor(os.cpu_count()) as executor:
+            return plan_fleet(scenario, effort=effort, epoch=epoch, timer=timer, executor=executor)
+    except PlanError as error:
+        closed = list(closed_in(scenario).values()) if epoch == 1 and error.robot else []
+        if len(closed) > 1:
+            raise SeveralRobotsError(closed) from None
+        raise

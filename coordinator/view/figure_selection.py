@@ -15,6 +15,8 @@ from coordinator.base.errors import InputError
 
 Manner = Literal["detailed", "plain", "faint"]
 
+_LISTED: Final = 8
+"""At most this many robots of the plan are listed in a message about an unknown name."""
 _FEW: Final = 8
 """Control polygons and combs are drawn for at most this many robots; more would hide the floor."""
 
@@ -61,6 +63,7 @@ class View:
 
 
 def _unknown(name: str, ids: Sequence[str]) -> str:
-    near = difflib.get_close_matches(name[:60], ids, n=1, cutoff=0.0)
-    nearest = f", the nearest name is {near[0]!r}" if near else ""
-    return f"--robots: the plan has no robot {name[:60]!r}{nearest}"
+    near = difflib.get_close_matches(name[:60], ids, n=1)
+    listed = ", ".join([*ids[:_LISTED], *(["..."] if len(ids) > _LISTED else [])])
+    other = f"the nearest name is {near[0]!r}" if near else f"it has {listed}"
+    return f"--robots: the plan has no robot {name[:60]!r}; {other}"

@@ -7,22 +7,16 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Final, NamedTuple
+from typing import Annotated, Any, Final, NamedTuple
 
 import typer
 
 from coordinator.base.console import answer_json, answers, tell
 from coordinator.cli.log_commands import shown
-from coordinator.cli.plan_commands import (
-    Json,
-    LogFile,
-    Speed,
-    given_log,
-    make_folder,
-    tell_remarks,
-    within,
-)
+from coordinator.cli.option_checks import if_given, not_with, only_with, reached, within
+from coordinator.cli.plan_commands import Json, LogFile, given_log, make_folder, tell_remarks
 from coordinator.service.key_option import Insecure, given_keys, where_to_listen
 from protocol.keys import NAME
 from sim.world.fault_script import fault_help
@@ -51,6 +45,22 @@ def key_prefix(prefix: str) -> str:
     return prefix
 
 
+def _published(check: Callable[[Any], Any] | None = None) -> Callable[..., Any]:
+    """Return a callback for an option of publishing, which `--check` and `--until` ignore."""
+    return not_with("check", "until", check=check)
+
+
+def _after_start(
+    context: typer.Context, param: typer.CallbackParam, to: float | None
+) -> float | None:
+    """Accept an end that is not before `--from`, where the log is published."""
+    to = _published()(context, param, to)
+    since = context.params.get("since", 0.0)
+    if to is not None and not since <= to:
+        raise typer.BadParameter(f"{to:g} s is before --from {since:g}")
+    return to
+
+
 @commands.command(rich_help_panel="Inspect")
 def replay(
     log: LogFile,
@@ -61,49 +71,85 @@ def replay(
             help="Compute the coordinator's messages again from the log and compare them.",
         ),
     ] = False,
-    speed: Speed = 1.0,
+    speed: Annotated[
+        float,
+        typer.Option(
+            callback=_published(within(0.01, 1000.0)),
+            help="Speed of the fleet's clock, 0.01 to 1000; 1 is real time, 2 twice as fast.",
+        ),
+    ] = 1.0,
     listen: Annotated[
-        str | None, typer.Option(help="tcp/HOST:PORT to listen on; by default tcp/127.0.0.1:7447.")
+        str | None,
+        typer.Option(
+            callback=_published(if_given(reached)),
+            help="tcp/HOST:PORT to listen on; by default tcp/127.0.0.1:7447.",
+        ),
     ] = None,
     since: Annotated[
         float,
-        typer.Option("--from", callback=within(0.0), help="Begin this many seconds into the log."),
+        typer.Option(
+            "--from",
+            callback=_published(within(0.0)),
+            help="Begin this many seconds into the log.",
+        ),
     ] = 0.0,
     to: Annotated[
-        float | None, typer.Option(min=0.0, help="End this many seconds into the log.")
+        float | None,
+        typer.Option(min=0.0, callback=_after_start, help="End this many seconds into the log."),
     ] = None,
     keys: Annotated[
         str,
         typer.Option(
-            callback=key_pattern,
+            callback=_published(key_pattern),
             help="Publish only these keys; * is one part of a key, ** any number.",
         ),
     ] = "**",
     prefix: Annotated[
-        str, typer.Option(callback=key_prefix, help="Put this and a slash before every key.")
+        str,
+        typer.Option(
+            callback=_published(key_prefix), help="Put this and a slash before every key."
+        ),
     ] = "",
     wait_listener: Annotated[
         float,
-        typer.Option(callback=within(0.0, 86_400.0), help="Wait this many seconds for a listener."),
+        typer.Option(
+            callback=_published(within(0.0, 86_400.0)),
+            help="Wait this many seconds for a listener.",
+        ),
     ] = 0.0,
     until: Annotated[
         float | None,
         typer.Option(
-            min=0.0, help="Continue the run in virtual time from this many seconds after GO."
+            min=0.0,
+            callback=not_with("check"),
+            help="Continue the run in virtual time from this many seconds after GO.",
         ),
     ] = None,
     fault: Annotated[
         list[str] | None,
-        typer.Option(metavar="SPEC", help=f"With --until: a fault, repeatable. {fault_help()}."),
+        typer.Option(
+            metavar="SPEC",
+            callback=only_with("until"),
+            help=f"With --until: a fault, repeatable. {fault_help()}.",
+        ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="With --until: folder for the new run.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(callback=only_with("until"), help="With --until: folder for the new run."),
+    ] = None,
     seed: Annotated[
-        int, typer.Option(help="With --until: seed of losses, delays and clock errors.")
+        int,
+        typer.Option(
+            min=0,
+            callback=only_with("until"),
+            help="With --until: seed of losses, delays and clock errors.",
+        ),
     ] = 0,
     key_folder: Annotated[
         Path | None,
         typer.Option(
             metavar="DIR",
+            callback=_published(),
             help="Folder of the fleet's keys; only its observers may listen, over TLS.",
         ),
     ] = None,
@@ -116,12 +162,6 @@ def replay(
 
     Example: splinefleet replay runs/demo/run.mcap --until 8 --fault kill:R3@9 --out runs/what-if
     """
-    if check and until is not None:
-        raise typer.BadParameter("not together with --check", param_hint="--until")
-    if until is None:
-        for option, given in (("--fault", fault), ("--out", out)):
-            if given:
-                raise typer.BadParameter("needs --until", param_hint=option)
     if check:
         _check(log, as_json)
     elif until is not None:
@@ -151,8 +191,6 @@ def _play(log: Path, asked: Playing, as_json: bool) -> None:
     from protocol.zenoh_transport import ZenohTransport
 
     since, to, prefix, patience = asked.since, asked.to, asked.prefix, asked.wait_listener
-    if to is not None and not since <= to:
-        raise typer.BadParameter(f"{to:g} s is before --from {since:g}", param_hint="--to")
     recorded = given_log(log)
     found = cues(recorded, Wish(since, math.inf if to is None else to, asked.keys, prefix))
     own = given_keys(asked.key_folder, "coordinator")

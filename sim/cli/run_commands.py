@@ -14,10 +14,14 @@ from typing import Annotated, cast, get_args
 import typer
 
 from coordinator.base.console import answer_json, answers, tell, write_file
-from coordinator.cli.plan_commands import Effort, Json, Page, tell_remarks, within, writable
+from coordinator.base.errors import InputError
+from coordinator.cli.option_checks import if_given, not_with, only_with, reached, within, writable
+from coordinator.cli.plan_commands import Effort, Json, Page, tell_remarks
+from coordinator.scenario.model import MOST_ROBOTS
 from coordinator.service.key_option import Keys
-from sim.floors.layout import Kind, Size
+from sim.floors.layout import LEAST_SIDE, MOST_SIDE, Kind, Size
 from sim.world.fault_script import fault_help as script_help
+from sim.world.fault_script import known_kinds
 from sim.world.fault_text import fault_help
 
 commands = typer.Typer()
@@ -27,6 +31,14 @@ RunOut = Annotated[
     typer.Option(help="Folder for the run; an earlier run of the same fleet there is replaced."),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Also replace the run of another fleet.")]
+
+
+def _sized(size: Size) -> Size:
+    """Accept the sides of a floor."""
+    if not all(LEAST_SIDE <= side <= MOST_SIDE for side in size):
+        limits = f"from {LEAST_SIDE:g} m to {MOST_SIDE:g} m each way"
+        raise typer.BadParameter(f"{size[0]:g} m x {size[1]:g} m is not {limits}")
+    return size
 
 
 def known(kind: str) -> str:
@@ -46,8 +58,8 @@ def scenario(
     kind: Annotated[
         str, typer.Argument(metavar="KIND", help=", ".join(get_args(Kind)) + ".", callback=known)
     ],
-    robots: Annotated[int, typer.Option(help="Number of robots.")] = 17,
-    seed: Annotated[int, typer.Option(help="Seed of the random choices.")] = 1,
+    robots: Annotated[int, typer.Option(min=1, max=MOST_ROBOTS, help="Number of robots.")] = 17,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random choices.")] = 1,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -58,7 +70,10 @@ def scenario(
         ),
     ] = None,
     size: Annotated[
-        Size | None, typer.Option(metavar="W H", help="Width and height of the floor, metres.")
+        Size | None,
+        typer.Option(
+            metavar="W H", callback=if_given(_sized), help="Width and height of the floor, metres."
+        ),
     ] = None,
     obstacles: Annotated[int | None, typer.Option(min=0, help="Number of obstacles.")] = None,
     headings: Annotated[
@@ -126,7 +141,8 @@ def run(
     connect: Annotated[
         str | None,
         typer.Option(
-            help="tcp/HOST:PORT of a router that the coordinator and the robots connect to."
+            callback=reached,
+            help="tcp/HOST:PORT of a router that the coordinator and the robots connect to.",
         ),
     ] = None,
     core: Annotated[
@@ -196,13 +212,13 @@ def simulate(
         ),
     ] = None,
     seed: Annotated[
-        int, typer.Option(help="Seed of losses, delays, and errors of clocks and wheels.")
+        int, typer.Option(min=0, help="Seed of losses, delays, and errors of clocks and wheels.")
     ] = 0,
     box_rate: Annotated[
         float | None,
         typer.Option(
             metavar="HZ",
-            callback=lambda value: value if value is None else within(1.0, 100.0)(value),
+            callback=if_given(within(1.0, 100.0)),
             help="Rows per second of the black boxes; by default one per tick, 100.",
         ),
     ] = None,
@@ -211,7 +227,7 @@ def simulate(
     speed: Annotated[
         float,
         typer.Option(
-            callback=within(0.1, 20.0),
+            callback=only_with("page", check=within(0.1, 20.0)),
             help="With --page: speed of the fleet's clock; 1 is real time.",
         ),
     ] = 1.0,
@@ -309,6 +325,17 @@ def judge(
         raise typer.Exit(1)
 
 
+def _fault_kinds(text: str) -> str:
+    """Accept kinds of faults, separated by commas."""
+    try:
+        known_kinds(text)
+    except InputError as error:
+        raise typer.BadParameter(
+            "; ".join(one.removeprefix("--faults ") for one in error.problems)
+        ) from None
+    return text
+
+
 @commands.command(rich_help_panel="Run")
 def campaign(
     scenario: Annotated[Path, typer.Argument(help="Scenario file, TOML or JSON.")],
@@ -318,6 +345,7 @@ def campaign(
         str | None,
         typer.Option(
             metavar="KINDS",
+            callback=if_given(_fault_kinds),
             help="Kinds of faults to draw from, separated by commas; by default all.",
         ),
     ] = None,
@@ -325,6 +353,7 @@ def campaign(
         list[str] | None,
         typer.Option(
             metavar="SPEC",
+            callback=not_with("faults"),
             help=f"A fault in place of random ones, repeatable; none: no fault. {script_help()}.",
         ),
     ] = None,
@@ -344,7 +373,7 @@ def campaign(
         float | None,
         typer.Option(
             help="Tau of the plan, seconds; by default it covers all kinds of faults.",
-            callback=lambda value: value if value is None else within(0.0, 60.0)(value),
+            callback=if_given(within(0.0, 60.0)),
         ),
     ] = None,
     jobs: Annotated[
@@ -360,10 +389,8 @@ def campaign(
     from sim.campaigns.answer import render, say
     from sim.campaigns.campaign import Wish
     from sim.campaigns.shell import Campaign
-    from sim.world.fault_script import USUAL, known_kinds
+    from sim.world.fault_script import USUAL
 
-    if faults is not None and fault:
-        raise typer.BadParameter("not together with --faults", param_hint="--fault")
     kinds = known_kinds(faults) if faults else USUAL
     wish = Wish(kinds, loss, delay_ms / 1000.0, tau)
     asked = Campaign.asked(read_scenario(scenario), scenario, wish, fault)

@@ -11,13 +11,11 @@ from random import Random
 from typing import Final, NamedTuple
 
 from coordinator.base.errors import InputError
-from coordinator.scenario.checks import FARTHEST
-from coordinator.scenario.model import Point, Pose, Robot, Scenario
-from coordinator.scenario_files.scenario_reader import MOST_ROBOTS
+from coordinator.scenario.model import MOST_ROBOTS, Point, Pose, Robot, Scenario
 from sim.floors.cells import grid, maze, rooms
 from sim.floors.corridors import corridors
 from sim.floors.crowded import aisles, bays, dense, doorway, puzzle
-from sim.floors.layout import MARGIN, Kind, Layout, Size, Trip, Wish
+from sim.floors.layout import LEAST_SIDE, MARGIN, MOST_SIDE, Kind, Layout, Size, Trip, Wish
 from sim.floors.placing import Places
 from sim.floors.polygons import polygons
 from sim.floors.rings import circle, ring
@@ -56,9 +54,6 @@ OBSTACLES: Final[dict[Kind, str]] = {
 }
 """What `obstacles` counts, for the kinds whose number of obstacles can be chosen."""
 
-LEAST_SIDE: Final = 1.0
-MOST_SIDE: Final = FARTHEST
-"""The greatest length [m] of a side of a floor."""
 RADIUS: Final = 0.2
 MAX_SPEED: Final = 0.8
 MIXED_RADII: Final = (0.15, 0.2, 0.25, 0.3)
@@ -94,16 +89,20 @@ def generate(
     `vias` that many via points per robot; `mixed` robots differ in radius, speed and acceleration.
     Raises InputError when the floor has no room for all this.
     """
+    problems = []
     if not 1 <= robots <= MOST_ROBOTS:
-        raise InputError([f"--robots: must be 1 to {MOST_ROBOTS}, not {robots}"])
+        problems.append(f"--robots: must be 1 to {MOST_ROBOTS}, not {robots}")
     if size is not None and not all(LEAST_SIDE <= side <= MOST_SIDE for side in size):
         limits = f"from {LEAST_SIDE:g} m to {MOST_SIDE:g} m"
-        raise InputError([f"--size: {size[0]:g} m x {size[1]:g} m is not {limits} each way"])
+        problems.append(f"--size: {size[0]:g} m x {size[1]:g} m is not {limits} each way")
     if obstacles is not None and kind not in OBSTACLES:
         counted = ", ".join(f"{kind} ({what})" for kind, what in OBSTACLES.items())
-        raise InputError([f"--obstacles: can be chosen for {counted}, not for {kind}"])
-    if kind in CROWDED and (headings or vias):
-        raise InputError([f"--{'headings' if headings else 'vias'}: {kind} has none"])
+        problems.append(f"--obstacles: can be chosen for {counted}, not for {kind}")
+    if kind in CROWDED:
+        wanted = {"headings": headings, "vias": vias}
+        problems += [f"--{option}: {kind} has none" for option in wanted if wanted[option]]
+    if problems:
+        raise InputError(problems)
     dice = Random(f"{kind}-{seed}")
     bodies = [_body(dice, mixed) for _ in range(robots)]
     wish = Wish(robots, max(body.radius for body in bodies), size, obstacles)

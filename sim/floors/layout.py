@@ -15,6 +15,7 @@ from typing import Final, Literal, NamedTuple
 
 from coordinator.base.errors import InputError
 from coordinator.scenario.model import Point, Workspace
+from protocol.messages import FARTHEST
 
 Kind = Literal[
     "polygons",
@@ -38,6 +39,9 @@ Ring = tuple[Point, ...]
 Size = tuple[float, float]
 """Width and height [m]."""
 
+LEAST_SIDE: Final = 1.0
+MOST_SIDE: Final = FARTHEST
+"""The least and the greatest length [m] of a side of a floor."""
 MARGIN: Final = 0.05
 """Tracking error [m] allowed between two robots: the default of scenario files."""
 SLACK: Final = 0.05

@@ -109,5 +109,5 @@ def test_a_plan_that_cannot_be_is_told_with_exit_code_1_and_no_file(tmp_path):
     done = splinefleet("plan", closed, "-o", tmp_path / "plan.json")
     line = only_line(done, code=1)
     assert "R2" in line
-    assert "obstacle 0" in line
+    assert "workspace.obstacles[0]" in line
     assert not (tmp_path / "plan.json").exists()

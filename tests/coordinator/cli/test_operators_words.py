@@ -3,8 +3,8 @@
 import pytest
 from typer.testing import CliRunner
 
-from coordinator.cli import block_commands, order_commands, roster_commands
 from protocol.messages import FARTHEST
+from splinefleet import app
 
 NAME = "is not 1 to 32 of A-Z a-z 0-9 _ . -, not dots alone"
 PLACE = f"each from {-FARTHEST:g} to {FARTHEST:g}"
@@ -16,7 +16,7 @@ ORDERS = [
     ("order --to 1,1 --via 1,inf", PLACE),
     ("order", "give a place, or --vda5050 FILE"),
     ("order --to 1,1 --vda5050 a.json", "give a place, or --vda5050 FILE"),
-    ("order --vda5050 a.json --via 1,1", "stands in the file, with --vda5050"),
+    ("order --vda5050 a.json --via 1,1", "not together with --vda5050, because the file states it"),
     ("order --to 1,1 --robot a/b", NAME),
     ("order --to 1,1 --id ..", NAME),
     ("order --to 1,1 --id ü", NAME),
@@ -45,20 +45,9 @@ ROSTER = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("commands", "line", "told"),
-    [
-        (one.commands, *case)
-        for one, cases in (
-            (order_commands, ORDERS),
-            (block_commands, BLOCKS),
-            (roster_commands, ROSTER),
-        )
-        for case in cases
-    ],
-)
-def test_what_makes_no_sense_is_told_before_anybody_is_asked(commands, line, told):
-    answer = CliRunner().invoke(commands, [*line.split(), "--connect", "tcp/127.0.0.1:9"])
+@pytest.mark.parametrize(("line", "told"), [*ORDERS, *BLOCKS, *ROSTER])
+def test_what_makes_no_sense_is_told_before_anybody_is_asked(line, told):
+    answer = CliRunner().invoke(app, [*line.split(), "--connect", "tcp/127.0.0.1:9"])
     assert answer.exit_code == 2
     said = " ".join(answer.output.replace("│", " ").split())
     assert told in said, said

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import pytest
 import typer
 
-from coordinator.cli.plan_commands import within
+from coordinator.cli.option_checks import within
 from coordinator.cli.usage import usage_line
 
 commands = typer.Typer()
@@ -28,6 +28,7 @@ def land() -> None:
     """Land."""
 
 
+SHAPE = "it is --over X Y, separated by spaces"
 USAGE = "usage: splinefleet fly [OPTIONS] PLACE"
 
 
@@ -42,7 +43,8 @@ USAGE = "usage: splinefleet fly [OPTIONS] PLACE"
         ("fly a --times 1.5", "--times: '1.5' is not a whole number"),
         ("fly a --how deep", "--how: 'deep' is not one of 'high', 'low'"),
         ("fly a --far 8", "--far: 8.0 is not a finite number from 0.5 to 7"),
-        ("fly a --over 1 east", "--over: 'east' is not a number"),
+        ("fly a --over 1 east", f"--over: 'east' is not a number; {SHAPE}"),
+        ("fly a --over 1,2 -h 2", f"--over: '1,2' is not a number; {SHAPE}"),
         ("fly a --over 1", "Option '--over' requires 2 arguments"),
         ("fly a b", f"Got unexpected extra argument(s) (b); {USAGE}"),
         ("fly a --depth 3", f"No such option: --depth; {USAGE}"),

@@ -39,7 +39,7 @@ def refusal(robots, obstacles, boundary=BOX, part=None):
 
 
 def named(text):
-    return {int(number) for number in re.findall(r"obstacle (\d+)", text)}
+    return {int(number) for number in re.findall(r"workspace.obstacles\[(\d+)\]", text)}
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -155,6 +155,35 @@ def test_all_faults_are_told_at_once():
     assert len(problems_of(changed(faults))) == 5
 
 
+def test_values_of_another_kind_are_told_at_once_beside_those_out_of_range():
+    faults = (
+        'tau = "long"; margin = -1; policy = "bold"; robots.0.radius = "wide";'
+        "robots.1.length = -1;"
+        "robots.0.path.knots.0 = null; robots.0.stops = {}; waits.0.wait = []; workspace = [];"
+        'robots.0.profile.1 = [1]; crossings.0 = 7; timing = {"a": "b"}'
+    )
+    plan = json.loads(changed(faults))
+    del plan["robots"][0]["wire_bytes"]
+    assert set(problems_of(json.dumps(plan).encode())) == {
+        "bad.json: tau: is 'long', must be a number",
+        "bad.json: margin: is -1 m, must be from 0 to 100000 m",
+        "bad.json: policy: is 'bold', must be 'safe' or 'paper'",
+        "bad.json: robots[R1].radius: is 'wide', must be a number",
+        "bad.json: robots[R1].path.knots[0]: is null, must be a number",
+        "bad.json: robots[R1].stops: is a table, must be a list",
+        "bad.json: robots[R1].profile[1]: is a list of 1, must be a list of 2 numbers",
+        "bad.json: robots[R1].wire_bytes: is missing",
+        "bad.json: robots[R2].length: is -1 m, must be above 0 m",
+        "bad.json: robots[R2].profile: ends at 6 m, must end at the length, -1 m",
+        "bad.json: waits[0].wait: is a list of 0, must be a number",
+        "bad.json: crossings[0]: is 7, must be a table",
+        "bad.json: workspace: is a list of 0, must be a table",
+        "bad.json: timing: is a table, must be a table of numbers",
+    }
+    assert problems_of(b"[]") == ("bad.json: file: is a list of 0, must be a table",)
+    assert "bad.json: robots: is missing" in problems_of(b"{}")
+
+
 def test_a_number_that_is_not_finite_is_no_plan():
     assert problems_of(changed("tau = 1").replace(b'"tau": 1', b'"tau": 1e999'))
     assert problems_of(changed("tau = 1").replace(b'"tau": 1', b'"tau": NaN'))
@@ -205,9 +234,7 @@ def test_a_motion_of_years_is_refused_before_it_is_proven():
 def test_a_floor_that_does_not_tell_its_obstacles_is_refused():
     plan = json.loads(to_json(document()))
     del plan["workspace"]["obstacles"]
-    with pytest.raises(
-        InputError, match=r"missing required field `obstacles` - at `\$\.workspace`"
-    ):
+    with pytest.raises(InputError, match=r"workspace\.obstacles: is missing"):
         from_json(json.dumps(plan).encode())
 
 

@@ -102,13 +102,13 @@ def test_an_enclosed_goal_names_the_robot_and_the_obstacle():
     robots = [a_robot("Ann", (1, 1), (7.5, 3.5)), a_robot("Bob", (1, 6), (4, 6))]
     with pytest.raises(PlanError, match=r"Ann: no way from .* to \(7\.50, 3\.50\)") as caught:
         plan_scenario(a_scenario(robots, obstacles=walls))
-    assert "obstacle 0" in str(caught.value)
+    assert "workspace.obstacles[0]" in str(caught.value)
 
 
 def test_what_closes_a_robot_in_is_named_with_a_wide_margin_too():
     walls = [box(0.0, 2.5, 2.5, 2.7), box(2.5, 0.0, 2.7, 2.7)]
     robots = [a_robot("Ann", (1, 1), (5, 5), radius=0.1)]
-    with pytest.raises(PlanError, match="obstacle 0 and obstacle 1"):
+    with pytest.raises(PlanError, match=r"obstacles\[0\] and workspace\.obstacles\[1\]"):
         plan_scenario(a_scenario(robots, obstacles=walls, margin=0.4))
 
 

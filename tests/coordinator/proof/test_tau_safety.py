@@ -152,10 +152,10 @@ def test_clearance_is_that_of_sampling_and_is_refused_when_short():
 @pytest.mark.parametrize(
     ("field", "value", "words"),
     [
-        ("max_speed", 0.7, "drives faster"),
-        ("max_accel", 0.35, "changes speed faster"),
-        ("max_lateral_accel", 0.05, "takes a bend"),
-        ("min_turn_radius", 3.0, "turns tighter"),
+        ("max_speed", 0.7, "drives faster than 0.7 m/s"),
+        ("max_accel", 0.35, "changes speed faster than 0.35 m/s^2"),
+        ("max_lateral_accel", 0.05, "takes a bend above 0.05 m/s^2 at "),
+        ("min_turn_radius", 3.0, "turns tighter than 3 m at "),
     ],
 )
 def test_limits_that_are_not_kept_are_named(field, value, words):

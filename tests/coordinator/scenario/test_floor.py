@@ -39,8 +39,8 @@ def test_a_line_that_lies_wholly_in_the_solid_keeps_no_distance(place):
     ("place", "what"),
     [
         ((11.0, 5.0), "is off the floor"),
-        ((3.0, 2.5), "is inside obstacle 0"),
-        ((1.8, 3.0), "is nearer than 0.3 m to obstacle 0"),
+        ((3.0, 2.5), "is inside workspace.obstacles[0]"),
+        ((1.8, 3.0), "is nearer than 0.3 m to workspace.obstacles[0]"),
         ((0.2, 3.0), "is nearer than 0.3 m to the floor's edge"),
         ((9.5, 1.5), "is inside the closed place wet"),
         ((8.8, 1.5), "is nearer than 0.3 m to the closed place wet"),

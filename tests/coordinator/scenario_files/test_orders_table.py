@@ -53,6 +53,7 @@ DOCUMENT = json.loads(scenario_to_json(GOOD))
 
 # Fault | changes to the document (no value: the key is dropped) | field | words of the line.
 ONE_FAULT = r"""
+an id of the demand's | orders.0.id = "R1-4"; orders.1.after = "R1-4" | orders[0].id | of the demand
 orders that are a table | orders = {} | orders | a table is not a list of tables
 an order that is a string | orders.0 = "o1" | orders[0] | 'o1' is not a table
 a misspelled key | orders.0.dwel = 1 | orders[0].dwel | unknown key, the nearest known one is dwell

@@ -190,6 +190,50 @@ def test_many_faults_are_all_listed_at_once():
     assert fields == ["margin", "polcy", *wrong, "workspace.obstacles[0]"]
 
 
+def test_no_fault_hides_another():
+    document = changed(
+        "robots.1.id = ; workspace.boundary = ; workspace.bounds = [0, 0, 10, 10];"
+        'workspace.map = "absent.yaml"; workspace.cell = 0'
+    )
+    document["orders"] = [{"robot": "Z", "goal": [5, 9]}]
+    document["demand"] = {"places": [[5, 8]]}
+    fields = {problem.split(": ")[1] for problem in problems_of(document)}
+    assert fields == {
+        "robots[1].id",
+        "orders[0].robot",
+        "demand.places",
+        "workspace.cell",
+        "workspace.map",
+    }
+
+
+def test_faults_of_a_path_hide_neither_each_other_nor_those_of_other_paths():
+    document = changed("margin = -1")
+    few = {"degree": 3, "control_points": [[1, 1], [2, 2]], "weights": [1], "knots": [0, 1]}
+    corner = {"degree": 1, "control_points": [[1, 2], [9, 2], [9, 3]]}
+    rest = {"radius": 0.2, "max_speed": 0.5}
+    document["robots"] = [
+        {"id": "R1", "start": [1, 1], "path": few | {"rounding": -1}, **rest},
+        {"id": "R2", "path": corner, **rest},
+    ]
+    assert [problem.split(": ", 1)[1].partition(" ")[0] for problem in problems_of(document)] == [
+        "margin:",
+        "robots[0].start:",
+        "robots[0].path.rounding:",
+        "robots[0].path.weights:",
+        "robots[0].path.control_points:",
+        "robots[0].path.knots:",
+        "robots[1].path:",
+    ]
+
+
+def test_a_whole_number_that_no_float_comes_near_is_told():
+    path = {"degree": 1, "control_points": [[1, 2], [9, 2]], "knots": [0, 0, 10**400, 1]}
+    robot = {"id": "R1", "path": path, "radius": 0.2, "max_speed": 0.5}
+    (problem,) = problems_of(GOOD | {"robots": [robot]})
+    assert problem == "bad.json: robots[0].path.knots[2]: about 1e400 is too large"
+
+
 def test_a_good_toml_file_is_read_with_its_defaults(tmp_path):
     (tmp_path / "two.toml").write_bytes(b"\xef\xbb\xbf" + TOML.replace(b"\n", b"\r\n"))
     scenario = read_scenario(tmp_path / "two.toml")

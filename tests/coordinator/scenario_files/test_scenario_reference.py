@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from coordinator.scenario import checks, order_checks
+from coordinator.scenario import checks, model, order_checks
 from coordinator.scenario.model import Demand, GivenPath, Link, Order, Robot, Scenario
 from coordinator.scenario_files import (
     orders_table,
@@ -81,7 +81,7 @@ def test_units_and_ranges_are_those_of_the_code(title):
 
 def test_limits_of_whole_files_are_those_of_the_code():
     text = " ".join(PAGE.split())
-    assert f"1 to {scenario_reader.MOST_ROBOTS:,} tables" in text
+    assert f"1 to {model.MOST_ROBOTS:,} tables" in text
     assert text.count(f"-{table_reader.MOST_PRIORITY:,} to {table_reader.MOST_PRIORITY:,}") == 2
     assert f"up to {orders_table.MOST_ORDERS:,} tables" in text
     assert f"{order_checks.LEAST_FREE} to {orders_table.MOST_PLACES:,} of them" in text

@@ -118,7 +118,6 @@ def test_robots_without_a_key_and_a_key_that_ends_soon_are_told(site):
     [
         ([], "--host NAME"),
         (["--listen", "tcp/0.0.0.0:7447", "--host", "a"], "tls/HOST:PORT"),
-        (["--host", "a b"], "neither a name nor an address"),
         (["--keys", "nowhere", "--host", "a"], "keys init nowhere"),
     ],
 )
@@ -127,6 +126,14 @@ def test_what_does_not_fit_is_told_in_one_line_and_nothing_is_written(site, opti
     assert isinstance(error, InputError | TransportError)
     assert said in str(error)
     assert len(str(error).splitlines()) == 1
+    assert not site.file.exists()
+    assert not (site.keys / "router").exists()
+
+
+def test_a_host_that_is_none_is_told_and_nothing_is_written(site):
+    done = site.router("--host", "a b", run=site.run)
+    assert done.exit_code == 2
+    assert "neither a name nor an address" in done.output
     assert not site.file.exists()
     assert not (site.keys / "router").exists()
 

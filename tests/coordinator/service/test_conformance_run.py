@@ -16,6 +16,7 @@ from robot_agent.service import Robot, RobotService
 from sim.processes.local_fleet import free_port
 from sim.world.body import SimulatedBody
 from sim.world.memory_transport import MemoryNetwork
+from splinefleet import app
 
 
 def test_the_shell_plays_the_exchanges_on_a_link_and_tells_each_step():
@@ -61,4 +62,4 @@ def test_a_command_that_no_robot_answers_ends_with_exit_code_1_and_says_so():
     "wrong", [["--robot", "a b"], ["--at", "nan", "0", "0"], ["--restart", "--blackbox", "R1.csv"]]
 )
 def test_wrong_options_end_with_exit_code_2(wrong):
-    assert CliRunner().invoke(commands, wrong).exit_code == 2
+    assert CliRunner().invoke(app, ["conformance", *wrong]).exit_code == 2

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from coordinator.desk.alarms import Alarms
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.mission.mission import Mission
 from coordinator.mission.replanning_input import Aside, Site
@@ -14,6 +15,7 @@ from coordinator.service import launch
 from coordinator.service.launch import Coordinator
 from coordinator.service.meeting_place import MeetingPlace
 from coordinator.view.live_table import FleetTable
+from protocol.messages import REFUSED, OrderState
 from protocol.timing import SECOND
 from tests.scenarios import a_robot, a_scenario
 
@@ -59,6 +61,16 @@ def test_a_robot_that_may_stand_on_a_stretch_is_said_to_stand_between_its_ends()
     assert str(Aside(HALL.robots[1], "lost", stretch, None)) == (
         "stands between (1.00, 7.00) and (3.50, 6.25)"
     )
+
+
+def test_a_refusal_is_told_once_although_it_calls_a_person_on_the_desk(told):
+    coordinator = Coordinator(HALL, effort=0, speed=1.0, events=False)
+    alarms = Alarms()
+    alarms.take_order(OrderState("far", REFUSED, "R1", reason="off the floor"), 0.0)
+    alarms.log_failed("the disk is full", 1.0)
+    for alarm in alarms.now():
+        coordinator._tell_alarm(alarm, alarm.text)
+    assert told == ["the disk is full"]
 
 
 def test_arrivals_count_from_the_first_go_whatever_epoch_they_were_in(told):

@@ -188,7 +188,8 @@ def test_names_that_are_no_robots_are_refused_one_line_each(tmp_path):
     with pytest.raises(InputError) as caught:
         draw_plan(fleet(3), tmp_path / "plan.svg", View(robots=("R1", "R22", "x")))
     assert len(caught.value.problems) == 2
-    assert "no robot 'R22', the nearest name is 'R2'" in caught.value.problems[0]
+    assert "no robot 'R22'; the nearest name is 'R2'" in caught.value.problems[0]
+    assert caught.value.problems[1].endswith("no robot 'x'; it has R0, R1, R2")
     assert not (tmp_path / "plan.svg").exists()
 
 

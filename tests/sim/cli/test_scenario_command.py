@@ -1,5 +1,7 @@
 """The scenario command: files, formats, and one line for what cannot be made."""
 
+import math
+
 import pytest
 import typer
 from typer.testing import CliRunner
@@ -65,10 +67,6 @@ def test_no_folder_is_made_for_a_scenario(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("open --robots 0", "--robots: must be 1 to 10000, not 0"),
-        ("open --robots 20000", "--robots: must be 1 to 10000, not 20000"),
-        ("open --size 5 0", "--size: 5 m x 0 m is not from 1 m to 8000 m each way"),
-        ("open --size nan 5", "--size: nan m x 5 m is not from"),
         ("circle --robots 10000 --mixed", "need a floor 9234 m long for circle, at most 8000 m"),
         ("maze --obstacles 4", "--obstacles: can be chosen for "),
         ("corridors --obstacles 99", "--obstacles: 99 walls do not fit, "),
@@ -84,6 +82,30 @@ def test_what_cannot_be_made_is_told_in_one_line(arguments, said):
     assert isinstance(result.exception, InputError)
     (problem,) = result.exception.problems
     assert said in problem
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("open --robots 20000", "'--robots': Input should be less than or equal to 10000"),
+        ("open --size 5 0", "'--size': 5 m x 0 m is not from 1 m to 8000 m each way"),
+        ("open --size nan 5", "'--size': nan m x 5 m is not from"),
+    ],
+)
+def test_a_number_out_of_range_is_told_before_anything_is_made(arguments, said):
+    assert said in problem_of(*arguments.split())
+
+
+def test_all_that_cannot_be_made_is_told():
+    with pytest.raises(InputError) as told:
+        generate("bays", 0, 1, (-4.0, math.nan), obstacles=3, headings=True, vias=3)
+    assert [one.partition(":")[0] for one in told.value.problems] == [
+        "--robots",
+        "--size",
+        "--obstacles",
+        "--headings",
+        "--vias",
+    ]
 
 
 def test_too_many_robots_are_told_how_many_fit_and_those_do():

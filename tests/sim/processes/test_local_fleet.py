@@ -11,6 +11,7 @@ from coordinator.scenario_files.scenario_reader import read_scenario
 from sim.cli.run_commands import commands
 from sim.processes.local_fleet import LocalFleet
 from sim.processes.run_folder import RunFolder
+from splinefleet import app
 from tests.sim.campaigns.test_campaign import PAPER
 
 
@@ -124,5 +125,5 @@ def test_a_file_in_the_place_of_the_folder_is_told(tmp_path):
 
 def test_faults_that_are_drawn_and_faults_that_are_given_do_not_go_together():
     words = ["campaign", "examples/paper_five.toml", "--faults", "kill", "--fault", "none"]
-    done = CliRunner().invoke(commands, words)
+    done = CliRunner().invoke(app, words)
     assert done.exit_code == 2
