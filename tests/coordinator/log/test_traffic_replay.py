@@ -111,7 +111,7 @@ def test_a_malformed_pattern_is_refused(pattern):
         ("--prefix /a", "'--prefix': '/a' is not a prefix of keys"),
         ("--prefix a/*", "'--prefix': 'a/*' is not a prefix of keys"),
         ("--from -1", "'--from': -1.0 is not a finite number from 0"),
-        ("--from 3 --to 2", "--to: 2 s is before --from 3"),
+        ("--from 3 --to 2", "'--to': 2 s is before --from 3"),
     ],
 )
 def test_a_wish_that_makes_no_sense_is_one_line(options, said):

@@ -58,7 +58,10 @@ def test_an_order_to_a_place_that_is_taken_is_refused_with_the_name_of_what_is_t
     goals = {
         "closed": ((11.0, 5.0), "(11.00, 5.00) is inside the closed place wet"),
         "beside": ((9.9, 5.0), "(9.90, 5.00) is nearer than 0.25 m to the closed place wet"),
-        "pillar": ((7.0, 4.0), "R2 cannot be at (7.00, 4.00), which is inside workspace.obstacles[0]"),
+        "pillar": (
+            (7.0, 4.0),
+            "R2 cannot be at (7.00, 4.00), which is inside workspace.obstacles[0]",
+        ),
         "edge": (
             (0.1, 4.0),
             "R2 cannot be at (0.10, 4.00), which is nearer than 0.25 m to the floor's edge",
@@ -167,7 +170,10 @@ def one_killed(logs, **options):
 @pytest.mark.parametrize(
     ("place", "why"),
     [
-        ((7.0, 4.0), "R1 says that it stands at (7.00, 4.00), which is inside workspace.obstacles[0]"),
+        (
+            (7.0, 4.0),
+            "R1 says that it stands at (7.00, 4.00), which is inside workspace.obstacles[0]",
+        ),
         ((50.0, 1.0), "R1 says that it stands at (50.00, 1.00), which is off the floor"),
         ((1.0, 6.0), "R1 says that it stands at (1.00, 6.00), where R2 stands"),
         ((1.1, 6.0), "R1 says that it stands at (1.10, 6.00), where R2 stands"),
