@@ -20,7 +20,6 @@ from coordinator.cli.option_checks import (
     named,
     not_with,
     numbers_of,
-    only_with,
     place_of,
     within,
 )
@@ -117,11 +116,7 @@ def order(
     ] = None,
     now: Annotated[
         bool,
-        typer.Option(
-            "--now",
-            callback=only_with("robot", "vda5050"),
-            help="The robot leaves what it does for this order.",
-        ),
+        typer.Option("--now", help="The robot leaves what it does for this order."),
     ] = False,
     wait: Annotated[
         bool, typer.Option("--wait", help="Wait until the order is over; tell its states.")
@@ -139,6 +134,11 @@ def order(
     """
     wanted = _wanted(to, via or [], dwell, vda5050)
     name, whose = order_id or wanted.id, robot or wanted.robot
+    if now and not whose:
+        tell(
+            "--now has no effect without --robot: the coordinator chooses one that is free",
+            "yellow",
+        )
     state: OrderState | None = None
     is_over = False
     with fleet_line(connect, fleet, patience, keys) as line:

@@ -133,7 +133,6 @@ def test_all_invalid_values_are_told(line, told):
     ("line", "told"),
     [
         ("plan a.toml --step 1", "--step: has no effect without --csv"),
-        (f"order {FLEET} --to 1,1 --now", "--now: has no effect without --vda5050 or --robot"),
         (
             f"order {FLEET} --vda5050 a.json --dwell 2",
             "--dwell: not together with --vda5050, because the file states it",
