@@ -134,11 +134,7 @@ def order(
     """
     wanted = _wanted(to, via or [], dwell, vda5050)
     name, whose = order_id or wanted.id, robot or wanted.robot
-    if now and not whose:
-        tell(
-            "--now has no effect without --robot: the coordinator chooses one that is free",
-            "yellow",
-        )
+    _tell_in_vain(now, whose)
     state: OrderState | None = None
     is_over = False
     with fleet_line(connect, fleet, patience, keys) as line:
@@ -181,6 +177,14 @@ def order(
     if wait and not is_over:
         tell("the coordinator has ended, or is not heard any more", "red")
         raise typer.Exit(1)
+
+
+def _tell_in_vain(now: bool, robot: str) -> None:
+    """Tell that --now redirects nobody, if no robot is named."""
+    if now and not robot:
+        tell(
+            "--now has no effect without --robot: the coordinator takes one that is free", "yellow"
+        )
 
 
 def _refuse_another(message: Message, wish: Order) -> None:
