@@ -21,12 +21,15 @@ from coordinator.fleet.member import Member
 from coordinator.scenario.checks import find_problems
 from coordinator.scenario.model import Robot, Scenario, Workspace, usual_turn_rate
 from protocol.messages import GO_ON, HALT, Block, Cancel, Join, Leave, Order, Tell, Unblock
+from protocol.phases import DONE
 from protocol.timing import SECOND
 from sim.world.fault_script import KINDS
 from sim.world.fault_text import Fault
 from sim.world.virtual_fleet import World
 
 _SIZES: Final = ((14.0, 8.0), (9.0, 6.0), (12.0, 4.0), (8.0, 8.0))
+_AT_ONCE: Final = 0.02
+"""A program that is started again after this time [s] has a link that is never seen gone."""
 _EDGE: Final = 0.7
 """Robots are wanted, and stand, no nearer than this [m] to the walls."""
 _APART: Final = 2.5
@@ -38,7 +41,16 @@ that keeps less than a tenth of its speed is as good as one that stands."""
 _OF_ROBOTS: Final = tuple(kind for kind in KINDS if not kind.startswith("coordinator-"))
 _OF_COORDINATORS: Final = tuple(kind for kind in KINDS if kind.startswith("coordinator-"))
 
-_AT_CHANGES: Final = {"faults": 55, "close": 15, "coordinator": 10, "order": 10, "halt": 10}
+_AT_CHANGES: Final = {
+    "faults": 45,
+    "close": 15,
+    "coordinator": 10,
+    "order": 10,
+    "halt": 5,
+    "restart": 5,
+    "admit": 5,
+    "rejoin": 5,
+}
 _AT_LOSSES: Final = {
     "close": 20,
     "close goal": 15,
@@ -48,6 +60,8 @@ _AT_LOSSES: Final = {
     "halt": 10,
     "crowd": 10,
     "faults": 10,
+    "admit": 10,
+    "rejoin": 5,
 }
 _AIMS: Final[Mapping[str, tuple[float, Mapping[str, int]]]] = {
     "search": (0.08, _AT_CHANGES),
@@ -55,7 +69,7 @@ _AIMS: Final[Mapping[str, tuple[float, Mapping[str, int]]]] = {
     "give-up": (0.6, _AT_LOSSES),
     "loss": (0.5, _AT_LOSSES),
     "return": (0.3, _AT_LOSSES),
-    "arrival": (0.06, {"leave": 40, "close": 30, "faults": 30}),
+    "arrival": (0.06, {"leave": 30, "close": 30, "faults": 30, "rejoin": 10}),
 }
 """By moment: the probability of an act there, in a run of mean density, and the odds of each."""
 
@@ -278,11 +292,21 @@ class Adversary:
                 self._fault("restart", robot, after)
             case "halt":
                 self._halt(after)
-            case "leave":
-                self._later(0.0, Leave(9, robot))
             case "crowd":
                 for k in range(2):
                     self._order(dice.choice(list(self._robots)), after + k, about=(x, y))
+            case _:
+                self._attend(act, robot, after)
+
+    def _attend(self, act: str, robot: str, after: float) -> None:
+        """Let an operator take a robot out or in."""
+        match act:
+            case "leave":
+                self._later(0.0, Leave(9, robot))
+            case "admit":
+                self._later(after, Admission(robot))
+            case "rejoin":
+                self._rejoin(robot)
 
     def _later(self, after: float, act: Act) -> None:
         self._count += 1
@@ -305,7 +329,8 @@ class Adversary:
 
     def _close(self, about: Sequence[float], after: float = 0.0) -> None:
         """Close a square near a place [m], and open it again."""
-        dice, name = self._dice, f"b{self._count}"
+        dice = self._dice
+        name = dice.choice((f"b{self._count}", "b"))  # Other places had the same name before.
         x, y = (coordinate + dice.uniform(-0.5, 0.5) for coordinate in about[:2])
         half = dice.choice((0.1, 0.25, 0.6))
         self._later(after, Block(9, name, _box(x, y, half, half)))
@@ -321,10 +346,23 @@ class Adversary:
         value = round(dice.uniform(least, _MOST.get(kind, most)), 2)
         if kind == "clock-jump":
             value *= dice.choice((-1, 1))
+        if kind == "restart" and dice.random() < 0.3:
+            value = _AT_ONCE
         self._later(after, Fault(kind, robot, round(self._now + after, 2), value))
         if kind == "restart":
             for _ in range(dice.randint(0, 6)):
                 self._later(after + value + dice.uniform(0.5, 12.0), Admission(robot))
+
+    def _rejoin(self, robot: str) -> None:
+        """Take a robot that stands out, in again at that place, and start its program anew."""
+        dice, inhabitant = self._dice, self._world.robots[robot]
+        pose = inhabitant.body.true_pose()
+        is_at_rest = inhabitant.dead or inhabitant.service.agent.phase == DONE
+        if inhabitant.hung or not is_at_rest or inhabitant.body.speed > 0.0 or pose is None:
+            return
+        self._later(0.0, Leave(9, robot))
+        self._later(dice.choice((0.0, 0.05, 0.4)), _join_of(self._robots[robot], pose))
+        self._later(dice.uniform(0.0, 1.0), Fault("restart", robot, round(self._now, 2), _AT_ONCE))
 
     def _carry(self, robot: str) -> None:
         """Carry a robot to a place far from others; then faults and orders for others follow.
