@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from coordinator.base.errors import InputError
 from coordinator.security.link_admission import Gate
 from coordinator.service.key_option import where_to_listen
 from protocol.endpoint import endpoint_of
@@ -54,11 +53,9 @@ def meeting_place(
 ) -> MeetingPlace:
     """Return the place that --listen or --connect names; by default listen on this machine.
 
-    Raises InputError if both are given, and TransportError if an endpoint is malformed or is open
+    The commands take one of the two.  Raises TransportError if an endpoint is malformed or is open
     to strangers.
     """
-    if listen is not None and connect is not None:
-        raise InputError(["--connect: a coordinator listens itself or is a router's client"])
     if connect is not None:
         endpoint_of(connect, locked=keys is not None)
         return MeetingPlace(connect, routed=True)
