@@ -22,7 +22,7 @@ def test_logs_were_judged_wrong_whose_robots_were_started_again_or_never_sent_a_
 
 def test_a_fleet_that_lets_robots_drive_on_which_were_given_up_is_found(monkeypatch):
     monkeypatch.setattr(AuthorityEnds, "_bound", lambda *_: None)
-    results = (run_seed(seed, prove_each=1) for seed in (216, 201, 217))
+    results = (run_seed(seed, prove_each=1) for seed in (205, 200, 203))
     found = next(one for one in results if one.problems)
     assert any("which others go around" in problem for problem in found.problems)
     assert len(found.script) == found.acts > 30
