@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs import Array
 
 Codes = npt.NDArray[np.int32]
@@ -19,6 +19,9 @@ Codes = npt.NDArray[np.int32]
 _FORTH: Final = np.array([(1, 0), (0, 1), (1, 1), (-1, 1), (2, 1), (1, 2), (-1, 2), (-2, 1)])
 MOVES: Final = np.concatenate((_FORTH, -_FORTH))
 """Columns and rows of the sixteen moves from a cell; move k + 8 is opposite to move k."""
+
+LENGTHS: Final = np.hypot(MOVES[:, 0], MOVES[:, 1])
+"""How long these moves are, in sizes of cells."""
 
 HALF: Final = 8
 """The number of moves without their opposites."""
@@ -45,7 +48,7 @@ class Mesh(NamedTuple):
     rows: int
 
 
-@compiled
+@allocation_free
 def close_near(mesh: Mesh, places: Array, needs: Array) -> None:
     """Close the moves that come nearer to places (n, 2) [m] than needs (n,) [m].
 
@@ -68,7 +71,8 @@ def close_near(mesh: Mesh, places: Array, needs: Array) -> None:
                         continue
                     dx, dy = MOVES[k, 0] * size, MOVES[k, 1] * size
                     part = min(max(-(x * dx + y * dy) / (dx * dx + dy * dy), 0.0), 1.0)
-                    if math.hypot(x + part * dx, y + part * dy) < needs[n]:
+                    near_x, near_y = x + part * dx, y + part * dy
+                    if near_x * near_x + near_y * near_y < needs[n] * needs[n]:
                         codes[cell, k] = n if codes[cell, k] == OPEN else CLOSED
 
 
@@ -100,7 +104,7 @@ def distances(mesh: Mesh, robot: int, goal: int) -> Array:
                 continue
             dx, dy = MOVES[k]
             to = cell + dy * mesh.columns + dx
-            there = found[cell] + size * math.sqrt(dx * dx + dy * dy)
+            there = found[cell] + size * LENGTHS[k]
             if there < found[to] - 1e-9:
                 found[to] = there
                 at = int(there / size) % _RING

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs import Array
 from coordinator.curves.nurbs_kernels import Indices
 
@@ -66,7 +66,7 @@ def gathered(
     return Traffic(ordered, whose, first, x, y, size, columns, rows)
 
 
-@compiled
+@allocation_free
 def forbidden_at(
     traffic: Traffic, without: int, x: float, y: float, reach: float, tau: float, out: Array
 ) -> int:
@@ -98,7 +98,7 @@ def free_from(
     return float(times[busy - 1, 1]) if busy > 0 else -math.inf
 
 
-@compiled
+@allocation_free
 def _in_row(traffic: Traffic, x: float, y: float, row: int) -> tuple[int, int]:
     """Return the range of the samples in the cells around a place, in one row of these.
 
@@ -112,7 +112,7 @@ def _in_row(traffic: Traffic, x: float, y: float, row: int) -> tuple[int, int]:
     return traffic.first[begin + low], traffic.first[begin + high + 1]
 
 
-@compiled
+@allocation_free
 def entered(out: Array, n: int, begin: float, end: float) -> int:
     """Enter an interval among n that are in order and apart; return how many there are then."""
     low = n
@@ -130,13 +130,13 @@ def entered(out: Array, n: int, begin: float, end: float) -> int:
             out[n - 2, 1] = math.inf
             n -= 1
         for k in range(n, low, -1):
-            out[k] = out[k - 1]
+            out[k, 0], out[k, 1] = out[k - 1, 0], out[k - 1, 1]
         n += 1
     else:
         gone = high - low - 1
         if gone > 0:
             for k in range(high, n):
-                out[k - gone] = out[k]
+                out[k - gone, 0], out[k - gone, 1] = out[k, 0], out[k, 1]
             n -= gone
     out[low, 0], out[low, 1] = begin, end
     return n

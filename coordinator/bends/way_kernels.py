@@ -9,15 +9,15 @@ curves.
 
 from __future__ import annotations
 
-import heapq
 import math
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.base.compiled import compiled
-from coordinator.bends.mesh_kernels import HALF, MOVES, OPEN, Mesh
+from coordinator.base.compiled import allocation_free, compiled
+from coordinator.base.heap_kernels import Heap, empty_heap, pop, push, wider_heap
+from coordinator.bends.mesh_kernels import HALF, LENGTHS, MOVES, OPEN, Mesh
 from coordinator.bends.traffic_kernels import MOST, Traffic, entered, forbidden_at, free_from
 from coordinator.curves.nurbs import Array
 from coordinator.curves.nurbs_kernels import Indices
@@ -36,7 +36,18 @@ SOON: Final = 1e-6
 
 _EXPAND: Final = -1
 _MOVE: Final = -2 * HALF - 1
-"""What follows from a state, as _Heap has it."""
+"""What follows from a state: _EXPAND for all moves, _MOVE + k for move k, or the number of the
+state that a move leads to.  The heap holds states with their weighed times [s] and what follows."""
+
+_NONE: Final = -1
+_FULL: Final = -2
+"""What a search returns in place of a state: there is no way, or no more room."""
+
+_ROOM: Final = 4096
+"""For how many states, and half as many entries of the heap, there is room at first."""
+
+_MOST_ADDED: Final = MOST + 2 * HALF
+"""How many states or entries of the heap one step of the search adds at most."""
 
 
 class Trip(NamedTuple):
@@ -74,9 +85,9 @@ class _Search(NamedTuple):
     """A trip on a mesh in traffic, and what a search for its earliest way has looked up so far.
 
     latest [s]: when the robot has to arrive; settled [s]: from when on its goal is free for ever;
-    lead [s]: how long it takes from its start to the mesh.  The states of a cell are first[cell] to
-    last[cell] - 1; both are -1 before a move to the cell is looked at.  times, closed (MOST, 2):
-    memory for intervals [s].
+    lead, tail [s]: how long it takes from its start to the mesh, and from there to its goal.  The
+    states of a cell are first[cell] to last[cell] - 1; both are -1 before a move to the cell is
+    looked at.  times, closed (MOST, 2): memory for intervals [s].
     """
 
     mesh: Mesh
@@ -85,15 +96,11 @@ class _Search(NamedTuple):
     latest: float
     settled: float
     lead: float
+    tail: float
     first: Indices
     last: Indices
     times: Array
     closed: Array
-
-
-_Heap: TypeAlias = list[tuple[float, int, int]]
-"""What comes next: its weighed time [s], a state, and what follows from there: _EXPAND for all
-moves, _MOVE + k for move k, or the number of the state that a move leads to."""
 
 
 @compiled
@@ -116,38 +123,65 @@ def earliest_way(
     x, y = trip.goal
     settled = free_from(traffic, trip.robot, x, y, trip.reach, trip.tau)
     first, last, closed = np.full(cells, -1), np.full(cells, -1), np.empty((MOST, 2))
-    search = _Search(mesh, trip, traffic, latest, settled, lead, first, last, times, closed)
-    states = _room(4096)
+    search = _Search(mesh, trip, traffic, latest, settled, lead, tail, first, last, times, closed)
+    states, heap = _room(_ROOM), empty_heap(2 * _ROOM)
     states.begin[0], states.end[0], states.best[0] = -math.inf, until, trip.ramp
     states.parent[0], states.cell[0], states.done[0] = -1, -1, False
-    total, expanded = 1, 0
-    heap = [(trip.ramp, 0, _EXPAND)]
-    while len(heap) > 0 and expanded < most and until > 0.0:
-        _, here, what = heapq.heappop(heap)
+    push(heap, trip.ramp, 0, _EXPAND)
+    goal, total, left = _NONE, 1, most if until > 0.0 else 0
+    while left > 0:
+        goal, total, left = _searched(search, states, heap, total, left)
+        if goal != _FULL:
+            break
+        states, heap = _wider(states), wider_heap(heap)
+    if goal < 0:
+        return np.empty((0, 2)), np.empty((0, 2))
+    return _traced(search, states, goal)
+
+
+@allocation_free
+def _searched(
+    search: _Search, states: _States, heap: Heap, total: int, left: int
+) -> tuple[int, int, int]:
+    """Search until the goal is reached; return its state, and how many states there are then.
+
+    Expands at most `left` states of `total`, and also returns how many of those are left.
+    """
+    mesh, trip, times = search.mesh, search.trip, search.times
+    while heap.size[0] > 0 and left > 0:
+        if min(len(states.begin) - total, len(heap.keys) - heap.size[0]) < _MOST_ADDED:
+            return _FULL, total, left
+        here, what = pop(heap)
         if what >= 0:
             _enter(search, states, here, what, heap)
         elif what != _EXPAND:
             to, lasts = _moved(search, states.cell[here], what - _MOVE)
-            if first[to] < 0:
+            if search.first[to] < 0:
                 x, y = _middle(mesh, to)
-                busy = forbidden_at(traffic, trip.robot, x, y, trip.reach, trip.tau, times)
-                first[to] = total
-                states, total = _with_free(states, total, to, times, busy)
-                last[to] = total
+                busy = forbidden_at(search.traffic, trip.robot, x, y, trip.reach, trip.tau, times)
+                search.first[to] = total
+                total = _with_free(states, total, to, times, busy)
+                search.last[to] = total
             _look(search, states, here, to, lasts, heap)
         elif not states.done[here]:
             states.done[here] = True
-            expanded += 1
+            left -= 1
             if states.cell[here] == trip.leaves:
-                arrival = max(states.best[here] + tail, settled)
-                if arrival - tail <= states.end[here] and arrival < latest:
-                    return _traced(mesh, trip, states, here, lead, tail, arrival)
+                leave = _arrival(search, states, here) - search.tail
+                if leave <= states.end[here] and leave + search.tail < search.latest:
+                    return here, total, left
             _expand(search, states, here, heap)
-    return np.empty((0, 2)), np.empty((0, 2))
+    return _NONE, total, left
 
 
-@compiled
-def _expand(search: _Search, states: _States, here: int, heap: _Heap) -> None:
+@allocation_free
+def _arrival(search: _Search, states: _States, last: int) -> float:
+    """Return when [s] the robot arrives at its goal from the state where it leaves the mesh."""
+    return float(max(states.best[last] + search.tail, search.settled))
+
+
+@allocation_free
+def _expand(search: _Search, states: _States, here: int, heap: Heap) -> None:
     """Put the moves from a state on the heap, unless their cells are known to be reached before."""
     mesh, trip, cell = search.mesh, search.trip, states.cell[here]
     for k in range(1 if cell < 0 else 2 * HALF):
@@ -163,11 +197,11 @@ def _expand(search: _Search, states: _States, here: int, heap: _Heap) -> None:
                 at += 1
             if at == last or max(arrival, states.begin[at]) >= states.best[at] - SOON:
                 continue
-        heapq.heappush(heap, (_weighed(search, arrival, left), here, _MOVE + k))
+        push(heap, _weighed(search, arrival, left), here, _MOVE + k)
 
 
-@compiled
-def _look(search: _Search, states: _States, here: int, to: int, lasts: float, heap: _Heap) -> None:
+@allocation_free
+def _look(search: _Search, states: _States, here: int, to: int, lasts: float, heap: Heap) -> None:
     """Move from a state to a cell at once, and put moves to it after a rest on the heap."""
     trip, at_start = search.trip, states.cell[here] < 0
     arrival, final = states.best[here] + lasts, states.end[here] + lasts
@@ -184,11 +218,11 @@ def _look(search: _Search, states: _States, here: int, to: int, lasts: float, he
             _enter(search, states, here, at, heap)
         elif soonest < states.end[at]:
             left = trip.left[to] / trip.speed
-            heapq.heappush(heap, (_weighed(search, soonest, left), here, at))
+            push(heap, _weighed(search, soonest, left), here, at)
 
 
-@compiled
-def _enter(search: _Search, states: _States, here: int, at: int, heap: _Heap) -> None:
+@allocation_free
+def _enter(search: _Search, states: _States, here: int, at: int, heap: Heap) -> None:
     """Move from state `here` to state `at`, if that is earlier than all moves so far."""
     trip, cell, to = search.trip, states.cell[here], states.cell[at]
     lasts = search.lead if cell < 0 else _between(search.mesh, cell, to) / trip.speed
@@ -199,10 +233,10 @@ def _enter(search: _Search, states: _States, here: int, at: int, heap: _Heap) ->
     left = trip.left[to] / trip.speed
     if arrival < min(states.end[at], states.best[at] - SOON, search.latest - left):
         states.best[at], states.parent[at] = arrival, here
-        heapq.heappush(heap, (_weighed(search, arrival, left), at, _EXPAND))
+        push(heap, _weighed(search, arrival, left), at, _EXPAND)
 
 
-@compiled
+@allocation_free
 def _weighed(search: _Search, arrival: float, left: float) -> float:
     """Return the weighed time [s] of an arrival `left` [s] before the goal.
 
@@ -211,7 +245,7 @@ def _weighed(search: _Search, arrival: float, left: float) -> float:
     return max(arrival + left, search.settled) + (_HASTE - 1.0) * left
 
 
-@compiled
+@allocation_free
 def _moved(search: _Search, cell: int, k: int) -> tuple[int, float]:
     """Return to which cell move k leads from a cell, and how long it lasts [s].
 
@@ -219,12 +253,11 @@ def _moved(search: _Search, cell: int, k: int) -> tuple[int, float]:
     """
     if cell < 0:
         return search.trip.enters, search.lead
-    x, y = MOVES[k]
-    far = search.mesh.size * math.sqrt(x * x + y * y)
-    return cell + y * search.mesh.columns + x, far / search.trip.speed
+    far = search.mesh.size * LENGTHS[k]
+    return cell + MOVES[k, 1] * search.mesh.columns + MOVES[k, 0], far / search.trip.speed
 
 
-@compiled
+@allocation_free
 def _departure(
     states: _States, here: int, at: int, lasts: float, ramp: float, closed: Array, shut: int
 ) -> float:
@@ -245,7 +278,7 @@ def _departure(
     return leave if stands <= states.end[here] else math.inf
 
 
-@compiled
+@allocation_free
 def _closed(search: _Search, cell: int, to: int, lasts: float) -> int:
     """Enter the departures for a move that others forbid on its way into closed (m, 2) [s].
 
@@ -266,7 +299,7 @@ def _closed(search: _Search, cell: int, to: int, lasts: float) -> int:
     return n
 
 
-@compiled
+@allocation_free
 def _middle(mesh: Mesh, cell: int) -> tuple[float, float]:
     """Return the middle of a cell [m]."""
     return (
@@ -275,14 +308,14 @@ def _middle(mesh: Mesh, cell: int) -> tuple[float, float]:
     )
 
 
-@compiled
+@allocation_free
 def _apart(mesh: Mesh, cell: int, place: Array) -> float:
     """Return the distance [m] of a place (2,) from the middle of a cell."""
     x, y = _middle(mesh, cell)
     return math.hypot(x - place[0], y - place[1])
 
 
-@compiled
+@allocation_free
 def _between(mesh: Mesh, cell: int, to: int) -> float:
     """Return the distance [m] of the middles of two cells."""
     x0, y0 = _middle(mesh, cell)
@@ -308,13 +341,9 @@ def _wider(states: _States) -> _States:
     return fresh
 
 
-@compiled
-def _with_free(
-    states: _States, total: int, cell: int, times: Array, busy: int
-) -> tuple[_States, int]:
-    """Add the intervals in which a cell is free; return the states, and how many there are then."""
-    if total + busy + 1 > len(states.begin):
-        states = _wider(states)
+@allocation_free
+def _with_free(states: _States, total: int, cell: int, times: Array, busy: int) -> int:
+    """Add the intervals in which a cell is free to `total` states; return how many there are."""
     since = -math.inf
     for j in range(busy + 1):
         stop = times[j, 0] if j < busy else math.inf
@@ -325,14 +354,13 @@ def _with_free(
             total += 1
         if j < busy:
             since = times[j, 1]
-    return states, total
+    return total
 
 
 @compiled
-def _traced(
-    mesh: Mesh, trip: Trip, states: _States, last: int, lead: float, tail: float, arrival: float
-) -> tuple[Array, Array]:
+def _traced(search: _Search, states: _States, last: int) -> tuple[Array, Array]:
     """Return the places and times of the way that ends in a state, without places on a straight."""
+    mesh, trip, arrival = search.mesh, search.trip, _arrival(search, states, last)
     n, at = 1, last
     while at >= 0:
         n += 1
@@ -340,11 +368,11 @@ def _traced(
     way, when = np.empty((n, 2)), np.empty((n, 2))
     way[0], way[n - 1] = trip.start, trip.goal
     when[n - 1] = arrival
-    at, leave = last, arrival - tail
+    at, leave = last, arrival - search.tail
     for k in range(n - 2, 0, -1):
         way[k, 0], way[k, 1] = _middle(mesh, states.cell[at])
         when[k, 0], when[k, 1] = states.best[at], leave
-        lasts = lead
+        lasts = search.lead
         if k > 1:
             lasts = _between(mesh, states.cell[states.parent[at]], states.cell[at]) / trip.speed
         leave = states.best[at] - lasts

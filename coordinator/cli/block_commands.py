@@ -73,7 +73,8 @@ def unblock(
 ) -> None:
     """Open a place again.
 
-    The exit code is 1 if no such place is closed.
+    The exit code is 1 if no place of this id is closed, or if no coordinator answers within
+    --patience.
 
     Example: splinefleet unblock block-1 --connect tcp/127.0.0.1:7447
     """

@@ -14,7 +14,7 @@ import msgspec
 import typer
 
 from coordinator.base.console import answer_json, answers, tell
-from coordinator.cli.fleet_line import Connect, FleetName, Patience, fleet_line
+from coordinator.cli.fleet_line import Connect, FleetLine, FleetName, Patience, fleet_line
 from coordinator.cli.plan_commands import Json, within
 from coordinator.service.key_option import Keys
 from protocol import keys as keys_of
@@ -119,6 +119,7 @@ def order(
     state: OrderState | None = None
     is_over = False
     with fleet_line(connect, fleet, patience, keys) as line:
+        _tell_if_known(order_id, line)
         given = Order(
             boot=line.boot,
             id=name,
@@ -158,6 +159,13 @@ def order(
     if wait and not is_over:
         tell("the coordinator has ended, or is not heard any more", "red")
         raise typer.Exit(1)
+
+
+def _tell_if_known(order_id: str | None, line: FleetLine) -> None:
+    """Tell that the fleet has an order with the id that a person gives, if it has one."""
+    if order_id is not None and order_id in line.states():
+        what = "is known already and stays as it was; another order needs another --id"
+        tell(f"{order_id} {what}", "yellow")
 
 
 def _refuse_another(message: Message, given: Order) -> None:

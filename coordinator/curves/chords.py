@@ -34,9 +34,9 @@ _SAMPLES: Final = 16
 class Chords:
     """A path as n chords: s (n + 1,) [m], points (n + 1, 2) [m] and error [m].
 
-    s are arc lengths that increase from 0 to the length of the path; a path without length is one
-    chord with s = (0, 0).  At every arc length the curve's point is at most `error` away from
-    `points`, interpolated linearly in s.
+    s are arc lengths that increase from 0, or from where a part of the path begins, to the length
+    of the path; a path without length is one chord with s = (0, 0).  At every arc length the
+    curve's point is at most `error` away from `points`, interpolated linearly in s.
     """
 
     s: Array

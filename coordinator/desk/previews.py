@@ -27,6 +27,7 @@ from coordinator.plan.document import PlanDocument, RobotPlan
 from coordinator.plan.plan_file import from_json, to_json
 from coordinator.plan.wire import unpack
 from coordinator.scenario.model import TURN_RATE, Point, Robot, Scenario, Workspace
+from coordinator.scenario.obstacle_names import closed_place
 from protocol.codec import encode
 from protocol.messages import Plan
 
@@ -49,7 +50,7 @@ class _Asked(NamedTuple):
     now: float
     late: dict[str, float]
     idle: frozenset[str]
-    closed: tuple[tuple[Point, ...], ...]
+    closed: dict[str, tuple[Point, ...]]
     order: OrderBody
 
 
@@ -99,7 +100,7 @@ class Previews:
             known.plan_time(now),
             {one.id: one.late for one in states if one.late > 0.0},
             frozenset(one.id for one in states if one.is_free),
-            tuple(block.polygon for block in known.blocks.values()),
+            {closed_place(name): block.polygon for name, block in known.blocks.items()},
             body,
         )
         async with self._one_at_a_time:

@@ -62,8 +62,10 @@ class Attendance:
             self._asked.pop(robot, None)
         elif state != WAITING:
             self._begin(robot, now_ns)
-        if state == CANCELLED:
-            self._end(robot, now_ns)
+        if state == CANCELLED and self.is_in(robot):
+            self.stays[robot].pop()  # It never joined.
+            if not self.stays[robot]:
+                del self.stays[robot]
 
     def _end(self, robot: str, now_ns: int) -> None:
         if self.is_in(robot):

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
 import shapely
 
 from coordinator.fleet.orders import JOIN, LEAVE, robot_of
@@ -55,8 +54,11 @@ class GrantedCourses(Granted):
         self.courses = 0
         self._terms, self._prove = plan.document, prove
         self._ways = {one.id: [Course(one, 0.0)] for one in plan.driven}
-        self._around: dict[str, shapely.Geometry] = {}
-        """By robot that others go around: the line on which it stands."""
+        self._around: set[str] = set()
+        """The robots that others go around: they are granted nothing more."""
+
+        self._found: dict[str, tuple[int, frozenset[str]]] = {}
+        """By robot: the revision of the course found last, and whom others went around then."""
 
         self._rests: dict[str, Rest] = {}
         """By robot that has stopped: where, as it has said."""
@@ -111,7 +113,7 @@ class GrantedCourses(Granted):
         ways = self._ways.get(robot, [])
         if len(ways) == 2 and report.revision >= ways[1].driven.plan.revision:
             ways[:] = [ways[1].begun()]
-            self._around.pop(robot, None)
+            self._around.discard(robot)
         if ways and report.phase == DONE and report.revision == ways[0].driven.plan.revision:
             ways[0] = ways[0].arrived(report.stamp_ms)
 
@@ -137,34 +139,47 @@ class GrantedCourses(Granted):
         """Take in that a robot has left the fleet; when it joins again, it may be another one."""
         self.leave(robot)
         self._ways.pop(robot, None)
-        self._around.pop(robot, None)
+        self._around.discard(robot)
         self._rests.pop(robot, None)
         self._radius.pop(robot, None)
         self._limits.pop(robot, None)
 
+    def take_search(self, robot: str, revision: int) -> None:
+        """Take in that a course was found; its Plan may be sent later, when the robot is heard."""
+        self._found[robot] = revision, frozenset(self._around)
+
     def go_around(self, robot: str) -> None:
         """Take in that others are sent around a robot, which is granted nothing more."""
         if robot in self._ways:
-            since, until = self.end_grants(robot)
-            ride, rest = self._ways[robot][0].driven, self._rests.get(robot)
-            if rest is not None and rest.revision == ride.plan.revision:
-                place = resting_pose(ride, standing_of(robot, rest), self._terms.margin)[:2]
-                places = np.array([place, place])
-            else:
-                places = stretch(ride, since / 1000.0, until / 1000.0)
-            self._around[robot] = shapely.linestrings(places)
+            self.end_grants(robot)
+            self._around.add(robot)
             del self._ways[robot][1:]  # What it has not begun is withdrawn.
 
     def _that_stand_near(self, course: Course) -> list[str]:
-        """Return sentences on robots, which others go around, that a course comes too near."""
+        """Return sentences on robots that a course comes too near.
+
+        They are those that others went around when it was found.
+        """
         mine, found = course.driven, []
+        revision, around = self._found.get(mine.id, (-1, frozenset()))
+        if revision != mine.plan.revision:
+            around = frozenset(self._around)
         way = shapely.linestrings(mine.chain.points)
-        for name, line in self._around.items():
+        for name in sorted(self._around & around):
             need = mine.radius + self._radius[name] + self._terms.margin
-            apart = float(shapely.distance(way, line)) - mine.chain.bound
+            apart = float(shapely.distance(way, self._standing(name))) - mine.chain.bound
             if name != mine.id and apart < need - TOLERANCE:
                 found.append(f"comes within {apart:.4f} m of where {name} may stand")
         return found
+
+    def _standing(self, robot: str) -> shapely.Geometry:
+        """Return where a robot may stand that others go around, by what it has said up to now."""
+        ride, rest = self._ways[robot][0].driven, self._rests.get(robot)
+        if rest is not None and rest.revision == ride.plan.revision:
+            place = resting_pose(ride, standing_of(robot, rest), self._terms.margin)[:2]
+            return shapely.linestrings([place, place])
+        since, until = self.stretch_of(robot)
+        return shapely.linestrings(stretch(ride, since / 1000.0, until / 1000.0))
 
     def _gap(self) -> Floor:
         if self._floor is None:

@@ -12,8 +12,15 @@ from typing import NamedTuple
 import msgspec
 
 from coordinator.findings.granted_courses import GrantedCourses
-from coordinator.fleet.log_records import ahead_ms, around_robot, is_ahead_key, is_around_key
-from coordinator.log.records import Log
+from coordinator.fleet.log_records import (
+    ahead_ms,
+    around_robot,
+    is_ahead_key,
+    is_around_key,
+    is_course_key,
+    search_of,
+)
+from coordinator.log.records import Log, Record
 from coordinator.plan import plan_file
 from coordinator.plan.document import PlanDocument, Proof
 from coordinator.plan.wire import packed
@@ -101,8 +108,8 @@ def take_messages(
     newest = begun[-1] if begun else None
     for record in log.records:
         place = keys.split(record.key)
-        if newest is not None and is_around_key(record.key):
-            newest.go_around(around_robot(record.payload) or "")
+        if newest is not None:
+            _take_note(newest, record)
         if place is None or place[0] != fleet:
             continue
         message = decode(place[1], record.payload)
@@ -126,6 +133,14 @@ def take_messages(
             elif message.phase == GO:
                 unknown.add(message.epoch)
     return unknown
+
+
+def _take_note(granted: GrantedCourses, record: Record) -> None:
+    """Take in what the coordinator noted for itself: whom others go around, a course found."""
+    if is_around_key(record.key):
+        granted.go_around(around_robot(record.payload) or "")
+    elif is_course_key(record.key) and (found := search_of(record.payload)) is not None:
+        granted.take_search(found.robot, found.revision)
 
 
 def _said_ahead(log: Log) -> int:

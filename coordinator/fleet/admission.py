@@ -7,11 +7,12 @@ admits them.  Must not know: the fleet's phases, plans.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final
 
 from coordinator.fleet.admit_outcome import NOT_BACK
 from coordinator.fleet.events import Incident, Outgoing
-from coordinator.fleet.member import Member
+from coordinator.fleet.member import Member, Place, place_of
 from coordinator.fleet.roster import Roster
 from coordinator.plan.capacity import Capacity
 from protocol import keys
@@ -31,6 +32,8 @@ class Door:
         self._incidents = incidents
         self._refused: set[tuple[str, int]] = set()
         self._not_admitted: dict[str, str] = {}
+        self.why_not_at: Callable[[str, Place], str] = lambda _robot, _place: ""
+        """Says why a robot that has come back cannot stand at a place; "" if it can."""
 
     def hear(self, robot: str, hello: Hello, begun: bool, now_ns: int) -> Member | Outgoing | None:
         """Return the member that is accepted, or the Refusal to send.
@@ -90,9 +93,9 @@ class Door:
             return False
         if admission.refuses(boot):
             reason = "was waited for and did not say where it stands; does its driver know?"
-            return self._deny(robot, boot, f"{robot} {reason}", now_ns)
-        if admission.ask(boot, now_ns):
-            self._tell_admitted(robot, now_ns)
+            reason = admission.turned_away or f"{robot} {reason}"
+            return self._deny(robot, boot, reason, now_ns)
+        admission.ask(boot, now_ns)
         return True
 
     def _admit_again(
@@ -108,7 +111,7 @@ class Door:
             member.struck.clear()  # It goes on from where it stands, and nobody else is stopped.
             self._tell_admitted(robot, now_ns)
             return False
-        if member.planned or member.finished or member.stays:
+        if member.planned or member.finished or member.stays or member.is_new:
             return self._deny(robot, boot, _why_in_already(member), now_ns)
         if member.rest is None:
             self._tell_denied(robot, f"{robot} has not said where it rests yet, ask again", now_ns)
@@ -142,7 +145,21 @@ class Door:
         if known is None or known.boot != hello.boot:
             words = f"{member.id} is back; {_admit(member)} lets it in if it stands where it says"
             self._tell(now_ns, "back", member.id, words)
+        place = place_of(hello)
+        if member.admission.is_awaited and place is not None:
+            if why := self.why_not_at(member.id, place):
+                self._turn_away(member, place, why, now_ns)
+            else:
+                self._tell_admitted(member.id, now_ns)
         member.knock(hello, now_ns)
+
+    def _turn_away(self, member: Member, place: Place, why: str, now_ns: int) -> None:
+        """Do not let a robot in that cannot stand where it says; who asks again is told why."""
+        x, y, _ = place
+        todo = "start its program again with the place where it stands"
+        reason = f"{member.id} says that it stands at ({x:.2f}, {y:.2f}), {why}; {todo}"
+        member.admission.turn_away(reason)
+        self._tell_denied(member.id, reason, now_ns)
 
     def _refuse(self, robot: str, boot: int, reason: str, now_ns: int) -> Outgoing:
         """Return the Refusal that says why a robot cannot join; report it once as an incident."""
@@ -206,6 +223,8 @@ def _what_becomes_of(member: Member) -> str:
 
 def _why_in_already(member: Member) -> str:
     """Return words for why a robot that is heard need not be admitted."""
+    if member.is_new:
+        return f"{member.id} joins, and need not be admitted"
     if member.phase in (MOVING, BRAKING):
         return f"{member.id} is driving already"
     if member.finished:

@@ -36,7 +36,9 @@ class Admission:
     """How often each boot id asked in vain.
 
     A request counts once if the robot was gone again, and _MOST_GONE times if the robot did not say
-    where it stands."""
+    where it stands, or cannot stand there."""
+    turned_away: str = ""
+    """Why the robot cannot stand where it said, in words; "" if it did not say so."""
 
     @property
     def is_awaited(self) -> bool:
@@ -59,7 +61,7 @@ class Admission:
         """Record a request and wait for the robot; return whether the wait begins with it."""
         begins = not self.is_awaited
         if begins:
-            self.since_ns = now_ns
+            self.since_ns, self.turned_away = now_ns, ""
             self.asked_by.clear()
         _count(self.asked_by, boot)
         return begins
@@ -73,6 +75,12 @@ class Admission:
     def take_in(self) -> None:
         """End the wait, because the robot has said where it stands."""
         self.since_ns = None
+
+    def turn_away(self, why: str) -> None:
+        """End the wait, because the robot cannot stand where it says; all requests were in vain."""
+        self.since_ns, self.turned_away = None, why
+        for boot in self.asked_by:
+            _count(self.in_vain, boot, _MOST_GONE)
 
     def look(self, timeout_ns: int, patience_ns: int | None, now_ns: int) -> None:
         """End the wait if the robot is gone again, or has not said in time where it stands."""

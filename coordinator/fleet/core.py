@@ -16,7 +16,7 @@ not know: clocks (`now_ns` is an argument), Zenoh, files, paths.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from coordinator.fleet.admission import Door
 from coordinator.fleet.epoch_times import EpochTimes
@@ -24,7 +24,7 @@ from coordinator.fleet.events import Outgoing, Part
 from coordinator.fleet.failures import sets_out, silent, that_do_not_arm
 from coordinator.fleet.grants import Grants
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP, router_key
-from coordinator.fleet.member import Member
+from coordinator.fleet.member import Member, Place
 from coordinator.fleet.operated_fleet import OperatedFleet
 from coordinator.fleet.orders import OrderBook
 from coordinator.fleet.phases import (
@@ -53,6 +53,7 @@ from protocol.phases import (
     HOLD,
     IDLE,
     NO_FAULT,
+    OFF_PATH,
     OVER,
     STOP,
     fault_name,
@@ -74,6 +75,13 @@ class Fleet(OperatedFleet):
     ) -> None:
         super().__init__(name, boot, members, times, grants, orders)
         self._door = Door(name, self.members, self.incidents)
+
+    def check_places(self, why_not_at: Callable[[str, Place], str]) -> None:
+        """Have somebody who knows the floor check the places at which robots come back.
+
+        `why_not_at`: says why a robot cannot stand at a place, to follow the place; "" if it can.
+        """
+        self._door.why_not_at = why_not_at
 
     def hear(self, key: str, payload: bytes, now_ns: int) -> list[Outgoing]:
         """Take in a message that arrived on a key; return what to send.  Count bad messages."""
@@ -359,16 +367,21 @@ class Fleet(OperatedFleet):
             for member in failing:
                 if not member.lost:
                     member.strike(self.epoch)
-                    self._tell(now_ns, "fault", member.id, self._stuck_in_words(member.id))
+                    self._tell(now_ns, "fault", member.id, self._stuck_in_words(member))
                 self.go_around(member, now_ns)
 
-    def _stuck_in_words(self, robot: str) -> str:
+    def _stuck_in_words(self, member: Member) -> str:
         """Return words that say where a robot does not get on, and what to do."""
-        mine, near = self.grants.of(robot), ""
+        robot, place = member.id, ""
+        mine = self.grants.of(robot)
         if mine is not None and mine.now.course is not None:
             driven, passed_s = mine.now.course.driven, 0.001 * self.spans(robot)[0].since_ms
             x, y = driven.curve.at_arc([driven.timeline.s_at(passed_s)])[0]
-            near = f" near ({x:.1f}, {y:.1f})"
+            place = f"({x:.1f}, {y:.1f})"
+        if member.phase == IDLE and member.fault == OFF_PATH and place:
+            what = "put it there, or start its program again and admit it"
+            return f"{robot} does not stand at {place}, where its course begins: {what}"
+        near = f" near {place}" if place else ""
         what = "its wheels may be stuck. Press STOP before you free it; it goes on by itself"
         return f"{robot} does not get on{near}: {what}"
 

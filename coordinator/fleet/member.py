@@ -49,6 +49,17 @@ _BEYOND: Final = 1e9
 BOOTS: Final = 64
 """The coordinator remembers the Hellos of at most this many processes under one name."""
 
+Place = tuple[float, float, float]
+"""Where a robot stands: x, y [m] and its heading [rad]."""
+
+
+def place_of(hello: Hello) -> Place | None:
+    """Return where a robot that has come back says that it stands; None if it does not say it."""
+    if hello.place is None:
+        return None
+    x, y, heading = (number / 1000.0 for number in hello.place)
+    return x, y, heading
+
 
 @dataclass
 class Member:
@@ -104,7 +115,7 @@ class Member:
     """Why it cannot hold its plan, in words."""
     stays: str = ""
     is_new: bool = False
-    """Whether it has joined a fleet under way, and no process of it was accepted yet."""
+    """Whether it joins a fleet under way, and no process of it was sent a course yet."""
 
     hellos: dict[int, int] = field(default_factory=dict)
     """The sequence number of each process's newest Hello, by boot id; the latest heard is last."""
@@ -125,15 +136,15 @@ class Member:
     def knock(self, hello: Hello, now_ns: int) -> None:
         """Record that a robot of this name has come back, so that an operator may admit it."""
         self.admission.knock(hello, now_ns)
-        if self.admission.is_awaited and hello.place is not None:
-            x, y, heading = (number / 1000.0 for number in hello.place)
+        place = place_of(hello)
+        if self.admission.is_awaited and place is not None:
             self.accept(hello, now_ns)
             self.finished = self.planned = False
             self.stays = self.overload = ""
             self.sent_epoch = 0
             self.struck.clear()
             self.admission.take_in()
-            self.rest = Standing(robot=self.id, state="rests", epoch=0, place=(x, y, heading))
+            self.rest = Standing(robot=self.id, state="rests", epoch=0, place=place)
 
     def accept(self, hello: Hello, now_ns: int) -> None:
         """Accept a robot's process and forget what an earlier process of that name said."""
@@ -142,7 +153,7 @@ class Member:
             return
         self.boot, self.sequence, self.epoch, self.phase, self.fault = hello.boot, -1, 0, IDLE, 0
         if self.is_new:
-            self.is_new, self.excused_ns = False, now_ns  # It was given time to be started.
+            self.excused_ns = now_ns  # It was given time to be started.
         self.driven = self.holds = 0
         self.capacity = Capacity.of(hello)
         self.overload = self.capacity.objection(self.plan)
@@ -150,7 +161,7 @@ class Member:
 
     def await_start(self, until_ns: int) -> None:
         """Give a robot that joins time for its program to be started, if it is not there yet."""
-        if self.is_new:
+        if self.boot is None:
             self.excused_ns = until_ns
 
     def set_out(self, epoch: int) -> None:
@@ -232,7 +243,7 @@ class Member:
         just_sent = self.plan_sent_ns is not None and now_ns - self.plan_sent_ns < PLAN_PERIOD
         if not self.planned or just_sent:
             return False
-        self.plan_sent_ns = now_ns
+        self.plan_sent_ns, self.is_new = now_ns, False
         return True
 
     def hear(self, report: Report, now_ns: int) -> bool:
@@ -313,6 +324,10 @@ class Member:
         if self.epoch not in (0, epoch) or self.fault == CLOCK_UNSURE:
             return False
         return self.phase in (BRAKING, FROZEN) or (self.phase != MOVING and self.fault != 0)
+
+    def rests_stopped(self, epoch: int) -> bool:
+        """Return whether the robot has stopped by a fault, and rests."""
+        return self.has_stopped(epoch) and self.phase in (IDLE, FROZEN)
 
     @property
     def is_on_floor(self) -> bool:

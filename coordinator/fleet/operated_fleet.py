@@ -148,8 +148,9 @@ class OperatedFleet(FleetState):
             task = self.orders.give(order, now_ms)
         if member is not None and not task.is_over:
             is_busy = self.orders.of_robot(leave.robot) is not None or not member.has_arrived
-            if is_busy and not (member.lost or member.is_new or not member.planned):
-                self.orders.end(task, REFUSED, f"{leave.robot} does not rest")
+            rests = self.has_gone and member.rests_stopped(self.epoch)
+            if is_busy and not (rests or member.lost or member.is_new or not member.planned):
+                self.orders.end(task, REFUSED, f"{leave.robot} {self._why_not_leave()}")
             else:
                 why = ""
                 if member.is_silent(now_ns) and not member.has_come_back(now_ns):
@@ -159,8 +160,20 @@ class OperatedFleet(FleetState):
                 self._take_out(leave.robot, now_ns, leave)
         return [self._order_state(task.message()), *self.order_states()]
 
+    def _why_not_leave(self) -> str:
+        """Return in words why a robot cannot leave that neither rests nor is lost."""
+        if not self.has_gone:
+            return "can leave once the fleet has set out"
+        return "does not rest; if it cannot get on, end its program first"
+
     def _take_out(self, robot: str, now_ns: int, by: Leave | Cancel) -> None:
-        """Take a robot out of the fleet; its orders are refused."""
+        """Take a robot out of the fleet; its orders are refused.
+
+        One of which no program was heard has not joined.
+        """
+        join = self.orders.tasks.get(f"{JOIN}{robot}")
+        if join is not None and not join.is_over and self.members[robot].is_new:
+            self.orders.end(join, CANCELLED, f"{robot} was taken out before it was heard")
         self.orders.forget(robot)
         self.grants.remove(robot)
         del self.members[robot]

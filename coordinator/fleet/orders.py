@@ -288,7 +288,9 @@ class OrderBook:
         if robot in self._robots:
             self._robots.remove(robot)
         self._given.pop(robot, None)
-        self.put_back(robot)
+        for task in self.all_of(robot):
+            if task.joins is None:
+                self.let_wait(task)
         for task in list(self._open.values()):
             if task.order.robot == robot:
                 self.end(task, REFUSED, f"{robot} has left the fleet")
@@ -397,21 +399,21 @@ class OrderBook:
             under_way = task.state == UNDER_WAY and task.arrived_ms is None
             self.end(task, CANCELLED)
             if under_way:
-                self._leave(task, now_ms)
+                self.leave(task, task.robot, now_ms)
         return task
 
-    def _leave(self, task: Task, now_ms: int) -> None:
-        """Let a robot leave a cancelled order for its next one, or for a place to rest.
+    def leave(self, task: Task, robot: str, now_ms: int) -> None:
+        """Let a robot leave an order that is over for its next one, or for a place to rest.
 
         It goes on as it was told if it has a course for its next order already.
         """
-        if any(one.revision > task.revision for one in self.all_of(task.robot)):
+        if any(one.revision > task.revision for one in self.all_of(robot)):
             return
-        others = [one for one in self.waiting() if one.robot == task.robot]
+        others = [one for one in self.waiting() if one.robot == robot]
         if others:
             urgent = others[0]
         else:
-            urgent = self.room_for(task.robot, task.order.goal, task.order.id, now_ms)
+            urgent = self.room_for(robot, task.order.goal, task.order.id, now_ms)
             urgent.reason = f"leaves {task.order.id}"
         urgent.is_urgent, urgent.leaves = True, task.revision
 

@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free
 from coordinator.ground.distance_kernels import Solid, keeps
 from coordinator.ground.grid_kernels import Segment
 
@@ -74,27 +74,27 @@ class Corner(NamedTuple):
     exact: bool
 
 
-@compiled
+@allocation_free
 def turn_between(ax: float, ay: float, bx: float, by: float) -> float:
     """Return the signed angle [rad] from direction a to direction b."""
     return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
 
 
-@compiled
+@allocation_free
 def radius_of(width: float, turn: float) -> float:
     """Return the least radius of curvature [m] of a corner of half-width [m] and turn [rad]."""
     half = 0.5 * abs(turn)
     return width * math.cos(half) ** 2 / max(2.0 * math.sin(half), 1e-9)
 
 
-@compiled
+@allocation_free
 def width_for(radius: float, turn: float) -> float:
     """Return the half-width [m] that gives a corner its radius [m]."""
     half = 0.5 * abs(turn)
     return 2.0 * radius * math.sin(half) / max(math.cos(half) ** 2, 1e-9)
 
 
-@compiled
+@allocation_free
 def cost_of(width: float, turn: float, handling: Limits) -> float:
     """Return how much longer [s] a corner takes than its two legs at full speed; may be negative.
 
@@ -112,7 +112,7 @@ def cost_of(width: float, turn: float, handling: Limits) -> float:
     return float(braking + inside - saved + _TOO_TIGHT * max(handling.tightest - radius, 0.0))
 
 
-@compiled
+@allocation_free
 def _rounding_keeps(corner: Corner, width: float, solid: Solid) -> bool:
     """Tell whether a corner rounded with the half-width `width` [m] is clear."""
     cx, cy, ix, iy, ox, oy, exact = corner
@@ -136,7 +136,7 @@ def _rounding_keeps(corner: Corner, width: float, solid: Solid) -> bool:
     return True
 
 
-@compiled
+@allocation_free
 def widest_rounding(corner: Corner, most: float, solid: Solid) -> float:
     """Return about the greatest half-width [m] up to `most` that is clear; -1 if none is.
 

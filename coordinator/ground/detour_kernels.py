@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs import Array
 from coordinator.ground.distance_kernels import RADIUS, crossing
 from coordinator.ground.shortest_way_kernels import search
@@ -244,7 +244,7 @@ def _can_be_pulled(ends: Array, x: float, y: float, entered: Array, sight: Sight
     return True
 
 
-@compiled
+@allocation_free
 def _length(way: Array) -> float:
     """Return the length [m] of a way (n, 2)."""
     size = 0.0

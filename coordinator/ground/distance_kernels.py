@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs import Array
 from coordinator.ground.grid_kernels import Grid, Segment, point_gap, segment
 
@@ -31,7 +31,7 @@ class Solid(NamedTuple):
     grid: Grid
 
 
-@compiled
+@allocation_free
 def _segment_gap(one: Segment, two: Segment) -> float:
     """Return the distance [m] between two segments."""
     (px, py, qx, qy), (ax, ay, bx, by) = one, two
@@ -48,7 +48,7 @@ def _segment_gap(one: Segment, two: Segment) -> float:
     )
 
 
-@compiled
+@allocation_free
 def keeps(line: Segment, extra: float, solid: Solid) -> bool:
     """Tell whether a line stays `solid.need + extra` [m] from edges and `extra` from discs."""
     (px, py, qx, qy), (need, discs, edges, (first, items, frame)) = line, solid

@@ -17,7 +17,6 @@ from coordinator.ground.free_space import NO_DISCS, Space
 from coordinator.ground.grown_floor import GrownFloor
 from coordinator.ground.growth import TURN_STEP
 from coordinator.scenario.model import MapPart, Robot
-from coordinator.scenario.obstacle_names import obstacle_name
 
 _NAMED: Final = 4
 _LEAST: Final = 1e-3
@@ -97,10 +96,7 @@ def _names_near(
     most = reach * 1.1 + 0.01
     shapely.prepare(area)
     near = np.flatnonzero(shapely.dwithin(area, floor.obstacles, most)).tolist()
-    names = [
-        obstacle_name(f"obstacle {index}", index, floor.obstacles[index], area, part)
-        for index in near
-    ]
+    names = [floor.name(index, area, part) for index in near]
     if shapely.dwithin(area, floor.outline.exterior, most):
         names.append("the floor's edge")
     return names

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs import Array
 from coordinator.ground.growth import Indices
 
@@ -90,7 +90,7 @@ def cells_of(edges: Array, reach: float, frame: Frame) -> Grid:
     return Grid(first, items, frame)
 
 
-@compiled
+@allocation_free
 def point_gap(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return the distance [m] from p to the segment a-b."""
     dx, dy = bx - ax, by - ay
@@ -101,7 +101,7 @@ def point_gap(px: float, py: float, ax: float, ay: float, bx: float, by: float) 
     return math.hypot(px - ax - part * dx, py - ay - part * dy)
 
 
-@compiled
+@allocation_free
 def cross_each_other(one: Segment, two: Segment) -> bool:
     """Tell whether two segments cross.
 

@@ -26,8 +26,13 @@ _QUARTER: Final = 16
 class GrownFloor(Floor):
     """A floor with a configuration space for each reach that was asked for."""
 
-    def __init__(self, boundary: Sequence[Point], obstacles: Sequence[Sequence[Point]]) -> None:
-        super().__init__(boundary, obstacles)
+    def __init__(
+        self,
+        boundary: Sequence[Point],
+        obstacles: Sequence[Sequence[Point]],
+        names: Sequence[str] = (),
+    ) -> None:
+        super().__init__(boundary, obstacles, names)
         self._rings = Rings.of(obstacles, np.array(boundary))
         self._grounds: dict[tuple[float, float], Ground] = {}
         self._grids: dict[float, RoughGrid] = {}

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs import Array
 from coordinator.ground.corner_kernels import (
     NARROWEST,
@@ -44,7 +44,7 @@ _PUSHES: Final = (0.01, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0)
 """How far [m] a corner may move out, tried in turn."""
 
 
-@compiled
+@allocation_free
 def _trial(
     a: Array,
     c: Array,
@@ -174,7 +174,7 @@ def push(
     return moved
 
 
-@compiled
+@allocation_free
 def _legs_clear(way: Array, width: float, jx: float, jy: float, solid: Solid) -> float:
     """Return a half-width [m] up to `width` at which the legs of an exact vertex are clear.
 

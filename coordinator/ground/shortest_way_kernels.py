@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs import Array
 from coordinator.ground.distance_kernels import RADIUS, keeping
 from coordinator.ground.grid_kernels import point_gap
@@ -33,7 +33,7 @@ _TOUCHING: Final = 1e-6
 """Ways pass discs this much farther out [m] than they must."""
 
 
-@compiled
+@allocation_free
 def clear_of_discs(px: float, py: float, qx: float, qy: float, discs: Array) -> bool:
     """Tell whether p-q keeps out of discs (k, 3): x, y, radius [m]."""
     for k in range(len(discs)):
@@ -191,7 +191,7 @@ def _within_ellipse(turns: Array, ends: Array, longest: float) -> Indices:
     return found[:count]
 
 
-@compiled
+@allocation_free
 def _is_step(
     places: Array, backward: Array, forward: Array, origin: int, here: int, there: int
 ) -> bool:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs import Array
 from coordinator.ground.distance_kernels import Solid
 from coordinator.ground.grid_kernels import Grid, Segment, cross_each_other, point_gap, segment
@@ -45,7 +45,7 @@ class Sight(NamedTuple):
     solid: Solid
 
 
-@compiled
+@allocation_free
 def _spares(line: Segment, k: int, sight: Sight, spared: Indices) -> bool:
     """Tell whether a line that crosses edge k does so only near a spared corner.
 
@@ -72,7 +72,7 @@ def _spares(line: Segment, k: int, sight: Sight, spared: Indices) -> bool:
     return not cross_each_other(line, Segment(ax, ay, bx, by))
 
 
-@compiled
+@allocation_free
 def sees(px: float, py: float, qx: float, qy: float, sight: Sight, spared: Indices) -> bool:
     """Tell whether the straight line from p to q crosses no edge.
 
@@ -118,7 +118,7 @@ def sees(px: float, py: float, qx: float, qy: float, sight: Sight, spared: Indic
     return True
 
 
-@compiled
+@allocation_free
 def cuts(dx: float, dy: float, v: int, before: Array, after: Array) -> bool:
     """Tell quickly whether a line along (dx, dy) surely cuts into the outline at vertex v.
 
@@ -130,7 +130,7 @@ def cuts(dx: float, dy: float, v: int, before: Array, after: Array) -> bool:
     return bool((a > slack and b < -slack) or (a < -slack and b > slack))
 
 
-@compiled
+@allocation_free
 def supports(dx: float, dy: float, v: int, before: Array, after: Array) -> bool:
     """Tell whether a line along the unit vector (dx, dy) at vertex v does not cut the outline."""
     a = dx * before[v, 1] - dy * before[v, 0]
@@ -138,7 +138,7 @@ def supports(dx: float, dy: float, v: int, before: Array, after: Array) -> bool:
     return bool((a >= -1e-7 and b >= -1e-7) or (a <= 1e-7 and b <= 1e-7))
 
 
-@compiled
+@allocation_free
 def look_around(v: int, sight: Sight) -> bool:
     """Enter the vertices that v sees into the pool; return False when the pool is full."""
     turns, before, after = sight.turns, sight.before, sight.after

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, Final
 
 import msgspec
@@ -33,6 +34,7 @@ from coordinator.planning.course_search import Answer
 from coordinator.planning.wish import Site
 from coordinator.scenario import plain
 from coordinator.scenario.model import Robot
+from coordinator.scenario.order_checks import OWN
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
 from protocol.phases import GO, MOVING, fault_name
 from protocol.timing import SECOND
@@ -154,7 +156,8 @@ class Dispatcher:
             self._moved_ms = now_ms
             return []
         self.obstructions.look(now_ns, now_ms)
-        self._refuse_if_stuck(now_ms)
+        self._refuse_if_stuck(now_ns)
+        self._refuse_closed()
         idle = self._idle(now_ns)
         asked = self.searches.orders()
         state = (self.searches.commits, tuple(idle))
@@ -163,15 +166,18 @@ class Dispatcher:
             for task in book.waiting()
             if task.order.id not in asked and self._is_due(task, state, now_ms)
         ]
-        self._say_who_is_busy(idle)
+        self._say_who_is_busy(idle, now_ns)
         joins = [task for task in tasks if task.joins is not None]
         tasks = [task for task in tasks if task.joins is None]
         found = [self._ask_join(task, task.joins, now_ns) for task in joins if task.joins]
         free = [*idle, *self._arriving(now_ns)] if tasks else idle
         for task, robot in self._assigned(tasks, free, now_ns):
             found.append(self._ask(task, robot, now_ns, follows=robot not in idle))
-        urgent = [task for task in tasks if task.is_urgent and self._leaves_for(task, now_ns)]
-        found += [self._ask(task, task.robot, now_ns, leaves=True) for task in urgent]
+        found += (  # One by one: once a robot is asked for, it leaves for no other order.
+            self._ask(task, task.robot, now_ns, leaves=True)
+            for task in tasks
+            if task.is_urgent and self._leaves_for(task, now_ns)
+        )
         return found + self._renewals(now_ns, now_ms)
 
     def _renewals(self, now_ns: int, now_ms: int) -> list[CourseRequest]:
@@ -204,11 +210,15 @@ class Dispatcher:
         is_known = at_rest or self._fleet.grants.ends.is_end_known(task.robot)
         return is_known and self._may_leave(task.robot, now_ns)
 
-    def _what_keeps(self, robot: str) -> str:
+    def _what_keeps(self, robot: str, now_ns: int) -> str:
         """Return in words why a robot that does no order is not idle."""
         member = self._fleet.members[robot]
+        if member.has_come_back(now_ns):
+            return "is back and waits to be admitted"
         if member.lost:
             return "is lost"
+        if member.is_silent(now_ns):
+            return "is not heard"
         if member.has_stopped(self._fleet.epoch):
             return f"has stopped: {fault_name(member.fault)}"
         return "has not arrived yet" if member.planned else "has no part in this epoch"
@@ -226,10 +236,25 @@ class Dispatcher:
             can_change = drives and not mine.is_changing(member.holds)
         return can_change and not is_asked and not member.is_silent(now_ns)
 
-    def _say_who_is_busy(self, idle: list[str]) -> None:
+    def _refuse_closed(self) -> None:
+        """Refuse orders that are new and lead to, or through, a place that is closed."""
+        book, blocks = self._fleet.orders, self._fleet.blocks
+        for task in book.waiting() if blocks else ():
+            if task.reason or task.joins is not None or task.order.id.startswith(OWN):
+                continue
+            robots = [task.order.robot] if task.order.robot else self._fleet.members
+            radii = [self.robots[name].radius for name in robots if name in self.robots]
+            for place in (task.order.goal, *task.order.via):
+                if why := self.obstructions.closed_at(place[:2], min(radii, default=0.0)):
+                    book.end(task, REFUSED, why)
+                    break
+
+    def _say_who_is_busy(self, idle: list[str], now_ns: int) -> None:
         """State the reason for which orders wait that were not looked for yet."""
         book = self._fleet.orders
-        does = {one.robot: one.order.id for one in reversed(book.under_way())}
+        members = self._fleet.members
+        under_way = [one for one in reversed(book.under_way()) if not members[one.robot].lost]
+        does = {one.robot: one.order.id for one in under_way}
         for task in book.waiting():
             robot = task.order.robot
             if task.makes_room or task.joins is not None:
@@ -237,7 +262,7 @@ class Dispatcher:
             if robot in does:
                 task.reason = f"{robot} does {does[robot]} first"
             elif robot and robot not in idle:
-                task.reason = f"{robot} {self._what_keeps(robot)}"
+                task.reason = f"{robot} {self._what_keeps(robot, now_ns)}"
             elif not robot and not idle:
                 task.reason = "no robot is free"
 
@@ -259,7 +284,7 @@ class Dispatcher:
     ) -> Robot | None:
         fleet = self._fleet
         task, idle = fleet.orders.tasks[request.order], self._idle(now_ns)
-        can_go = task.joins is not None or self._can_go(request, asked, idle, now_ns)
+        can_go = self._can_go(request, asked, task, idle, now_ns)
         renews = asked.until < math.inf
         does = fleet.orders.of_robot(request.robot)
         is_wanted = task is does if renews else task.state == WAITING
@@ -315,16 +340,23 @@ class Dispatcher:
         member.take_course(plan, request.revision, now_ns)
         return replace(asked.wish.robot, goal=task.order.goal)
 
-    def _can_go(self, request: CourseRequest, asked: Asked, idle: list[str], now_ns: int) -> bool:
-        """Return whether a robot can still go on to a course from the one that it had."""
+    def _can_go(
+        self, request: CourseRequest, asked: Asked, task: Task, idle: list[str], now_ns: int
+    ) -> bool:
+        """Return whether a robot can still join, or go on to a course from the one that it had."""
+        if task.joins is not None:  # That may have been taken back, and asked for elsewhere.
+            return task.joins == asked.wish.robot
         fleet, robot = self._fleet, request.robot
         member, mine = fleet.members[robot], fleet.grants.of(robot)
         if member.is_out_of_reach:
             return False  # It would not be sent the course.
-        is_same = mine is not None and mine.newest.revision == request.revision - 1
+        if mine is None or mine.newest.revision != request.revision - 1:
+            return False
+        if mine.newest.number > request.number:
+            return False  # It has left the fleet meanwhile, and joined again.
         if asked.leaves:  # One that has stopped meanwhile goes on from where it then rests.
-            return is_same and member.has_stopped(fleet.epoch) == asked.has_stopped
-        return robot in idle or (asked.follows and is_same and robot in self._arriving(now_ns))
+            return member.has_stopped(fleet.epoch) == asked.has_stopped
+        return robot in idle or (asked.follows and robot in self._arriving(now_ns))
 
     def _not_found(
         self, task: Task, asked: Asked, answer: Answer, idle: list[str], now_ns: int
@@ -349,11 +381,13 @@ class Dispatcher:
         if task.makes_room:
             self._no_room[robot] = state
         is_closed = math.isinf(answer.alone) and self._nobody_else(task, robot)
-        if is_closed and task.order.robot and asked.goes_around:
-            is_closed = False  # Who closes its way may go on again.
+        # One who closes its way may go on again.
+        is_closed &= not (task.order.robot and asked.goes_around)
         if task.makes_room or is_closed:
             book.end(task, REFUSED, f"{robot} {answer.reason}")
             self._ways.pop(task.order.id, None)
+            if asked.leaves and task.revision > 0 and book.of_robot(robot) is None:
+                book.leave(task, robot, now_ms)  # Its course still leads there.
             return
         self._tried[task.order.id] = (state, now_ms)
         by = ", ".join(dict.fromkeys(answer.blockers))
@@ -452,7 +486,11 @@ class Dispatcher:
         site = self.obstructions.site
         if site is not None:  # Where there is no room at the goal, it is the same for others.
             room = float(site.room(np.array([task.order.goal[:2]]))[0]) - site.terms.margin
-            task.cannot |= {one.id for one in self.robots.values() if room < one.radius}
+            task.cannot |= {
+                one.id
+                for one in self.robots.values()
+                if room < one.radius or self.obstructions.closed_at(task.order.goal[:2], one.radius)
+            }
         task.robot = task.order.robot
         return bool(task.order.robot) or self._fleet.members.keys() <= task.cannot
 
@@ -483,13 +521,20 @@ class Dispatcher:
         """Return when a robot last got on [ms], and how many courses were committed."""
         return self._fleet.grants.standstills.got_on_latest_ms, self.searches.commits
 
-    def _refuse_if_stuck(self, now_ms: int) -> None:
+    def _refuse_if_stuck(self, now_ns: int) -> None:
         """Refuse all orders when nobody gets on and nothing is found for a long time."""
-        book, mark = self._fleet.orders, self._progress()
+        book, mark, now_ms = self._fleet.orders, self._progress(), self._fleet.since_go_ms(now_ns)
         under_way = book.under_way()
         dwells = any(one.arrived_ms is not None for one in under_way)
         if mark != self._mark or dwells or book.stays or not (under_way or book.waiting()):
             self._mark, self._moved_ms = mark, now_ms
         elif now_ms - self._moved_ms > _NOBODY_MOVES_MS:
             self._moved_ms = now_ms
-            book.refuse_stuck(lambda task: task.reason or "no robot can do it")
+            book.refuse_stuck(partial(self._why_stuck, now_ns=now_ns))
+
+    def _why_stuck(self, task: Task, now_ns: int) -> str:
+        """Return in words why nobody can do an order."""
+        member = self._fleet.members.get(task.order.robot)
+        if member is not None and (member.lost or member.has_stopped(self._fleet.epoch)):
+            return f"{member.id} {self._what_keeps(member.id, now_ns)}"
+        return task.reason or "no robot can do it"

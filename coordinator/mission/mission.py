@@ -52,6 +52,7 @@ class Mission:
         self.site, self.fleet, self.rides = site, fleet, rides
         self.documents = {document.epoch: document}
         self.dispatcher = Dispatcher(fleet, site.scenario.robots)
+        fleet.check_places(self.dispatcher.obstructions.why_not_at)
         self._planner = planner
         self._wanted: Request | None = None
 
@@ -94,6 +95,7 @@ class Mission:
         if wanted == self._wanted or self.fleet.superseded:
             return None
         self._wanted = wanted
+        self.site = self.site.among(set(self.fleet.members))
         return wanted
 
     def _asked_now(self) -> Request:
@@ -178,7 +180,7 @@ class Mission:
             member.stays = recovery.stays.get(member.id, "")
             if member.id in recovery.doubted:
                 member.rest = None
-        self.site = recovery.site
+        self.site = recovery.site.among(set(self.fleet.members))
         self.dispatcher.robots.update((robot.id, robot) for robot in self.site.scenario.robots)
         for one in self.site.aside:
             self.fleet.members[one.robot.id].finished |= one.why == "arrived"

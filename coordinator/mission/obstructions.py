@@ -10,7 +10,7 @@ courses are found, which order comes next.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 import msgspec
@@ -35,9 +35,10 @@ from coordinator.mission.replanning_input import (
 from coordinator.plan.wire import Driven
 from coordinator.planning.wish import Site
 from coordinator.scenario.model import Point, Pose, Robot
+from coordinator.scenario.obstacle_names import closed_place, too_near
 from coordinator.schedule.authority import EVER
 from protocol.messages import REFUSED, UNDER_WAY
-from protocol.phases import MOVING
+from protocol.phases import GO, MOVING, STOP
 
 Ring = tuple[Point, ...]
 
@@ -91,7 +92,7 @@ class Obstructions:
         """The places that operators have closed."""
 
         self._avoided: dict[tuple[str, int], frozenset[str]] = {}
-        """By robot and revision: the closed places that the course was planned around."""
+        """By robot and revision: the places, closed since, that the course was planned around."""
 
         self._tried: dict[str, tuple[object, int, int]] = {}
         """By robot: what was in the way when it was last sent around it, when [ms], and when any
@@ -100,7 +101,7 @@ class Obstructions:
         self._told: dict[tuple[str, int], set[str]] = {}
         """By robot and revision: the closed places for which the robot was dealt with."""
 
-        self._sites: dict[tuple[Ring, ...], Site] = {}
+        self._sites: dict[tuple[tuple[str, Ring], ...], Site] = {}
         self._left_out: set[tuple[str, Point]] = set()
         """By robot: the places that people were told it does not pass."""
 
@@ -156,33 +157,90 @@ class Obstructions:
         whole = self.site
         assert whole is not None
         reach, here = self._robots[robot].radius + whole.terms.margin, shapely.Point(place)
-        rings = []
-        for ring in (ring for name, ring in self._around.items() if name != robot):
-            wide = shapely.buffer(shapely.Polygon(ring), _ROOM, join_style="mitre")
-            rings.append(ring if shapely.dwithin(wide, here, reach) else _ring_of(wide))
-        rings += [
-            ring
-            for ring in self._closed.values()
-            if not shapely.dwithin(shapely.Polygon(ring), here, reach)
-        ]
+        rings = {}
+        for name, ring in self._around.items():
+            if name != robot:
+                wide = shapely.buffer(shapely.Polygon(ring), _ROOM, join_style="mitre")
+                is_near = shapely.dwithin(wide, here, reach)
+                rings[f"the place where {name} may stand"] = ring if is_near else _ring_of(wide)
+        for name, ring in self._closed.items():
+            if not shapely.dwithin(shapely.Polygon(ring), here, reach):
+                rings[self._in_words(name)] = ring
         if not rings:
             return whole
-        key = tuple(rings)
+        key = tuple(rings.items())
         if key not in self._sites:
             if len(self._sites) >= _MOST_SITES:
                 del self._sites[next(iter(self._sites))]
-            self._sites[key] = whole.with_obstacles(key)
+            self._sites[key] = whole.with_obstacles(rings)
         return self._sites[key]
 
-    def take_course(self, robot: str, revision: int, closed: Iterable[str]) -> bool:
+    def _in_words(self, closed: str) -> str:
+        """Return the name of a closed place for people."""
+        return closed_place(closed) if closed in self._fleet.blocks else f"the place {closed}"
+
+    def closed_at(self, place: Point, radius: float) -> str:
+        """Return in words which place an operator has closed for a disc [m] at a place [m].
+
+        "" if none.
+        """
+        whole, here = self.site, shapely.Point(place)
+        assert whole is not None
+        reach = radius + whole.terms.margin
+        for name, block in self._fleet.blocks.items():
+            apart = float(shapely.distance(shapely.Polygon(block.polygon), here))
+            if apart < reach:
+                x, y = place
+                return f"({x:.2f}, {y:.2f}) {too_near(apart, reach, closed_place(name))}"
+        return ""
+
+    def why_not_at(self, robot: str, pose: Pose) -> str:
+        """Return in words why a robot that has come back cannot stand where it says; "" if it can.
+
+        It must keep clear of what is solid by as much as its next course has to, and of robots of
+        which it is known where they are.  One that stands on its course is clear of others.
+        """
+        fleet, whole, here = self._fleet, self.site, pose[:2]
+        mine = fleet.grants.of(robot)
+        if fleet.phase not in (GO, STOP) or whole is None or mine is None:
+            return ""  # When a fleet is planned anew, that looks at the places.
+        reach = self._robots[robot].radius + whole.terms.margin
+        if what := whole.what_is_at(here, reach):
+            return f"which {what}"
+        if self._is_on_course(robot, here):
+            return ""
+        for member in fleet.members.values():
+            places = self._possible_places(member.id) if member.id != robot else []
+            apart = max((math.dist(place, here) for place in places), default=math.inf)
+            if apart < reach + member.radius:
+                touches = apart < self._robots[robot].radius + member.radius
+                return f"where {member.id} stands" if touches else f"too near to {member.id}"
+        return ""
+
+    def _possible_places(self, robot: str) -> list[Point]:
+        """Return the places [m] where a robot may be, on any course; none if nothing is known."""
+        mine, rest = self._fleet.grants.of(robot), self.rest_of(robot)
+        if mine is None or mine.now.course is None:
+            return []
+        if rest is not None:
+            return [self.pose_of(robot, rest)[:2]]
+        courses = {one.revision: one.course for one in mine}
+        found: list[Point] = []
+        for revision, since_ms, until_ms in self._fleet.spans(robot):
+            if (course := courses[revision]) is not None:
+                places = stretch(course.driven, since_ms / 1000.0, until_ms / 1000.0)
+                found += [(float(x), float(y)) for x, y in places]
+        return found
+
+    def take_course(self, robot: str, revision: int, closed: Mapping[str, Ring]) -> bool:
         """Take in a course that was planned around closed places; False if others are closed now.
 
         The robot may begin it later.
         """
-        known = frozenset(closed)
-        if self._closed_now().keys() - known:
+        if self._closed_now().items() - closed.items():
             return False
-        self._avoided[robot, revision] = known
+        known = closed.items() & self._closed.items()
+        self._avoided[robot, revision] = frozenset(name for name, _ in known)
         self._avoided.pop((robot, revision - 2), None)
         self._told.pop((robot, revision - 2), None)
         return True
@@ -338,9 +396,9 @@ class Obstructions:
         book.go_around(robot, (mine.now.revision, goal, via), what, now_ms)
 
     def lost(self) -> list[str]:
-        """Return the robots, not heard any more, that others go around."""
-        members = self._fleet.members
-        return [name for name in self._around if name in members and members[name].lost]
+        """Return the robots, not heard any more and not just let in, that others go around."""
+        found = [self._fleet.members.get(name) for name in self._around]
+        return [one.id for one in found if one and one.lost and not one.admission.is_awaited]
 
     def aside(self, robot: str) -> Aside:
         """Return where a robot may stand that is granted nothing more."""
@@ -363,10 +421,16 @@ class Obstructions:
         """Deal with robots on courses that were planned before a place was closed."""
         fleet = self._fleet
         closed = self._closed_now()
-        if self._closed.keys() - closed.keys():  # One is open again: limits are found anew.
+        gone = {name for name, _ in self._closed.items() - closed.items()}
+        if gone:  # One is open again, or another place has its name: limits are found anew.
             self._told = {}
+            self._avoided = {course: names - gone for course, names in self._avoided.items()}
             for member in fleet.members.planned:
                 fleet.grants.ends.limit(member.id, EVER)
+        for name in sorted((closed.keys() - self._closed.keys()) & fleet.blocks.keys()):
+            if self.site is not None and not self.site.is_on_floor(closed[name]):
+                text = f"{name} lies off the floor: nobody drives there anyway"
+                fleet.incidents.append(Incident(now_ns, "block", "", text))
         self._closed = closed
         for member in fleet.members.planned if closed else ():
             mine = fleet.grants.of(member.id)
@@ -388,19 +452,20 @@ class Obstructions:
         for name in sorted(fleet.grants.given_up):
             member = fleet.members.get(name)
             rest = None if member is None or member.came_back_to is None else member.rest
-            if rest is not None and rest.place is not None and not self._is_on_course(name, rest):
-                places = np.array([rest.place[:2]])
+            stated = None if rest is None else rest.place
+            if stated is not None and not self._is_on_course(name, stated[:2]):
+                places = np.array([stated[:2]])
                 ring = Aside(self._robots[name], "lost", places, None).disc()
                 closed[f"where {name} stands"] = ring
         return closed
 
-    def _is_on_course(self, robot: str, rest: Standing) -> bool:
-        """Return whether a robot that has come back stands where it was given up."""
+    def _is_on_course(self, robot: str, place: Point) -> bool:
+        """Return whether a robot that has come back to a place stands where it was given up."""
         mine, site = self._fleet.grants.of(robot), self.site
-        if mine is None or mine.now.course is None or site is None or rest.place is None:
+        if mine is None or mine.now.course is None or site is None:
             return True
         places = self._places(robot, mine.now.course.driven)
-        apart = np.hypot(*(places - np.array(rest.place[:2])).T)
+        apart = np.hypot(*(places - np.array(place)).T)
         return float(apart.min()) <= on_path(site.terms.margin)
 
     def _keep_out(self, member: Member, name: str, now_ns: int, now_ms: int) -> None:

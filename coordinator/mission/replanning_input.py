@@ -108,7 +108,9 @@ class Site:
         """Return the scenario to plan, in which the robots aside are obstacles."""
         floor = self.scenario.workspace
         discs = tuple(one.disc() for one in self.aside)
-        return replace(self.scenario, workspace=replace(floor, obstacles=floor.obstacles + discs))
+        names = tuple(f"the place where {one.robot.id} may stand" for one in self.aside)
+        solid = replace(floor, obstacles=floor.obstacles + discs, names=floor.names + names)
+        return replace(self.scenario, workspace=solid)
 
     def without(self, robot: str) -> Site:
         """Return the site with a robot put aside at its start, because it is closed in."""

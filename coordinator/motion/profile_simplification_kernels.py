@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs import Array
 
 Links = npt.NDArray[np.signedinteger[Any]]
@@ -118,19 +118,19 @@ def _edges(s: Array, w: Array) -> tuple[Array, Array, Array]:
     return kept_s[: count + 1], kept_w[: count + 1], slopes[: count + 1]
 
 
-@compiled
+@allocation_free
 def _bends_down(slope: float, onward: float) -> bool:
     """Tell whether the slope `onward` is at most the `slope` before it, but for rounding."""
     return onward - slope <= _STRAIGHT * abs(onward)
 
 
-@compiled
+@allocation_free
 def _time(s0: float, w0: float, s1: float, w1: float) -> float:
     """Return the time [s] that the edge from (s0, w0) to (s1, w1) takes."""
     return 2.0 * (s1 - s0) / (math.sqrt(w0) + math.sqrt(w1)) if s1 > s0 else 0.0
 
 
-@compiled
+@allocation_free
 def _meeting(s: Array, w: Array, slope: Array, p: int, i: int, j: int) -> tuple[float, float]:
     """Return s, w of the place where the edge from p to i, prolonged, meets the edge after j."""
     x = s[i] + (w[j] - w[i] - slope[j] * (s[j] - s[i])) / (slope[p] - slope[j])
@@ -140,7 +140,7 @@ def _meeting(s: Array, w: Array, slope: Array, p: int, i: int, j: int) -> tuple[
     return x, w[j] + slope[j] * (x - s[j])
 
 
-@compiled
+@allocation_free
 def _loss(s: Array, w: Array, slope: Array, before: Links, after: Links, i: int) -> float:
     """Return the time [s] that it costs to remove vertex i or the edge after it.
 

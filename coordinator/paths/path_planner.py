@@ -94,7 +94,7 @@ class Pathfinder:
     def __init__(self, scenario: Scenario, floor: GrownFloor | None = None) -> None:
         self.scenario = scenario
         workspace = scenario.workspace
-        self.floor = floor or GrownFloor(workspace.boundary, workspace.obstacles)
+        self.floor = floor or GrownFloor(workspace.boundary, workspace.obstacles, workspace.names)
         self._starts = np.array([robot.start[:2] for robot in scenario.robots])
         self._goals = np.array([robot.goal[:2] for robot in scenario.robots])
         self._radii = np.array([robot.radius for robot in scenario.robots])
@@ -235,11 +235,11 @@ class Pathfinder:
         reach = robot.radius + self.scenario.margin
         spares = self.floor.distance(_anchors(robot)) - reach
         if spares.min() < -_FLUSH:
-            x, y = _anchors(robot)[int(np.argmin(spares))]
-            raise PlanError(
-                f"({x:.2f}, {y:.2f}) is nearer than {reach:g} m to something solid",
-                place=(float(x), float(y)),
-            )
+            which = int(np.argmin(spares))
+            x, y = _anchors(robot)[which].tolist()
+            what = self.floor.what_is_at((x, y), reach, self.scenario.workspace.from_map)
+            does = "cannot be" if which else "stands"
+            raise PlanError(f"{does} at ({x:.2f}, {y:.2f}), which {what}", place=(x, y))
         spare = float(spares.min()) - _FLUSH
         touch = min(max(spare, 0.0), most)
         ground = self.floor.ground(reach + touch, room)

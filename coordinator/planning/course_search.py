@@ -28,6 +28,9 @@ _RING: Final = 0.5
 _NEAR: Final = 0.03
 """How much farther off [m] than needed a resting robot may be that closes a way."""
 
+_STEP: Final = 0.05
+"""Distance [m] between the places of a course that are compared with a place."""
+
 _RINGS: Final = 24
 _MOST_PLACES: Final = 6
 """How many places to rest are tried."""
@@ -106,10 +109,27 @@ def rest(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
 def stand(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
     """Look for the first course of a robot that joins: it rests where it stands."""
     (x, y), reach = wish.robot.start[:2], wish.robot.radius + site.terms.margin
-    if site.room(np.array([[x, y]]))[0] < reach:
-        why = f"({x:.2f}, {y:.2f}) is nearer than {reach:g} m to something solid"
-        return Answer(None, reason=why)
-    return search(site, wish, others)
+    if what := site.what_is_at((x, y), reach):
+        return Answer(None, reason=f"({x:.2f}, {y:.2f}) {what}")
+    found = search(site, wish, others)
+    if found.proposal is None and not found.blockers and (by := _yet_to_pass(site, wish, others)):
+        drive, have = ("drives", "it has") if len(by) == 1 else ("drive", "they have")
+        why = f"{', '.join(by)} still {drive} too near; ask again when {have} passed"
+        return replace(found, reason=why)
+    return found
+
+
+def _yet_to_pass(site: Site, wish: Wish, others: Sequence[Course]) -> list[str]:
+    """Return the robots whose courses lead too near to where a robot stands, from now on."""
+    here, found = np.array(wish.robot.start[:2]), []
+    for one in others:
+        driven, since = one.driven, max(0.001 * wish.begin_ms - site.terms.tau, 0.0)
+        length, begin = driven.curve.length, driven.timeline.s_at(since)
+        arcs = np.linspace(begin, length, 2 + math.ceil(max(length - begin, 0.0) / _STEP))
+        need = wish.robot.radius + driven.radius + site.terms.margin
+        if _distance(here, driven.curve.at_arc(arcs)) < need:
+            found.append(driven.id)
+    return list(dict.fromkeys(found))
 
 
 def resting_on(site: Site, wish: Wish, way: Array, others: Sequence[Course]) -> list[Course]:

@@ -23,6 +23,7 @@ from coordinator.base.errors import PlanError
 from coordinator.base.kept import kept
 from coordinator.bends.among_courses import PITCHES, Times
 from coordinator.bends.courses import may_bend
+from coordinator.curves.chords import Chords
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.ground.free_space import NO_DISCS
 from coordinator.motion.velocity_profile import Motion, SpeedLimits, limits_on
@@ -327,9 +328,10 @@ def _among(search: Search, track: Track) -> tuple[Junctions, Motions, list[Cours
     among = [one for one in among if not one.has_ended or one.until < math.inf]
     copies = [(one, delay) for one in among for delay in _delays(site, wish, one)]
     near = [one for one, _ in copies]
-    tracks = [track, *(_known(one.driven) for one in near)]
-    radii = [robot.radius, *(one.driven.radius for one in near)]
     tau = site.terms.tau + TAU_PAD
+    since = 0.001 * wish.begin_ms - tau
+    tracks = [track, *(_ahead(one.driven, since - delay) for one, delay in copies)]
+    radii = [robot.radius, *(one.driven.radius for one in near)]
     junctions = Junctions(tracks, radii, margin, tau, among=(0,), cell=_CELL)
     motions = Motions(junctions.lengths())
     for index, (one, delay) in enumerate(copies, start=1):
@@ -347,6 +349,17 @@ def _delays(site: Site, wish: Wish, other: Course) -> list[float]:
         return [0.0]
     count = min(math.ceil(late / (_OVERLAP * site.terms.tau)), _MOST_COPIES)
     return list(np.linspace(0.0, late, count + 1))
+
+
+def _ahead(driven: Driven, since: float) -> Track:
+    """Return a course as a track, without most of the chords that are left by a plan time [s]."""
+    track, (begins, _, starts, _, _, _) = _known(driven), driven.legs
+    chords, leg = track.chords, max(int(np.searchsorted(begins, since, side="right")) - 1, 0)
+    first = int(np.searchsorted(chords.s, starts[leg], side="right")) - 1
+    first = min(first, len(chords.s) - 2)
+    if first <= 0:
+        return track
+    return replace(track, chords=Chords(chords.s[first:], chords.points[first:], chords.error))
 
 
 @kept

@@ -5,9 +5,10 @@ Decides: what a search for a course is given.  Must not know: how a course is fo
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+import shapely
 from msgspec.structs import replace as changed
 
 from coordinator.bends.among_courses import Bends
@@ -25,16 +26,25 @@ class Site:
     def __init__(self, scenario: Scenario, terms: PlanDocument) -> None:
         self.scenario, self.terms = scenario, terms
         workspace = scenario.workspace
-        self.floor = GrownFloor(workspace.boundary, workspace.obstacles)
+        self.floor = GrownFloor(workspace.boundary, workspace.obstacles, workspace.names)
         solid = Floor(workspace.boundary, workspace.obstacles)
         self.gap, self.room = solid.gap, solid.distance
         self.bends = Bends()
 
-    def with_obstacles(self, rings: Sequence[tuple[Point, ...]]) -> Site:
-        """Return the floor with further obstacles, under the same terms."""
+    def with_obstacles(self, rings: Mapping[str, tuple[Point, ...]]) -> Site:
+        """Return the floor with further obstacles, by their names in words; the terms stay."""
         floor = self.scenario.workspace
-        more = changed(floor, obstacles=floor.obstacles + tuple(rings))
+        solid, names = floor.obstacles + tuple(rings.values()), floor.names + tuple(rings)
+        more = changed(floor, obstacles=solid, names=names)
         return Site(changed(self.scenario, workspace=more), self.terms)
+
+    def is_on_floor(self, ring: tuple[Point, ...]) -> bool:
+        """Return whether any of a polygon [m] lies on the floor."""
+        return bool(shapely.intersects(self.floor.outline, shapely.Polygon(ring)))
+
+    def what_is_at(self, place: Point, reach: float) -> str:
+        """Return in words what is solid nearer than `reach` [m] to a place [m]; "" if nothing."""
+        return self.floor.what_is_at(place, reach, self.scenario.workspace.from_map)
 
 
 @dataclass(frozen=True)

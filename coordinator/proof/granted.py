@@ -238,17 +238,18 @@ class Granted:
             if one.slot not in self._ended:
                 self._unseen[one.slot] = max(self._unseen[one.slot], until_ms)
 
-    def end_grants(self, robot: str) -> tuple[float, float]:
-        """Take in that a robot is granted nothing more on its course, because others go around it.
-
-        Returns the plan times [ms] between which it stands.
-        """
+    def end_grants(self, robot: str) -> None:
+        """Take in that a robot is granted nothing more on its course: others go around it."""
         slot, coming = self._now[robot].slot, self._next.get(robot)
         self._ended[slot] = float(self._granted[slot])
         if coming is not None:  # It is withdrawn, and holds nobody.
             ended = max(float(coming.begin_ms), float(self._granted[coming.slot]))
             self._ended[coming.slot], self._passed[coming.slot] = ended, np.inf
             coming.is_withdrawn = True
+
+    def stretch_of(self, robot: str) -> tuple[float, float]:
+        """Return the plan times [ms] between which a robot stands that is granted nothing more."""
+        slot = self._now[robot].slot
         return float(self._passed[slot]), self._ended[slot]
 
     def take_command(self, command: Command) -> None:

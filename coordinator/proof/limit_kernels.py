@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs_kernels import ArcTable, Array, Series, W, X, Y, parameters_at
 
 _SHORT: Final = 1e-6
@@ -25,7 +25,7 @@ _WAITING: Final = 64
 """Size of the stack of pieces that are not decided yet."""
 
 
-@compiled
+@allocation_free
 def _about(powers: Array, offset: float, half: float, coefficients: Array) -> None:
     """Write a piece of a curve as polynomials in [-1, 1] to `coefficients` (degree + 1, 3).
 

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.proof.separation_kernels import (
     BEGIN,
     DEVIATION,
@@ -60,7 +60,7 @@ class Uncovered(NamedTuple):
     t_behind: float
 
 
-@compiled
+@allocation_free
 def need_at(needs: Needs, pair: int, time: float) -> float:
     """Return the need [s] of a staircase at a plan time [s]; -inf without one (pair < 0)."""
     if pair < 0:
@@ -75,7 +75,7 @@ def need_at(needs: Needs, pair: int, time: float) -> float:
     return float(needs.need[k] + rise * (needs.need[k + 1] - needs.need[k]))
 
 
-@compiled
+@allocation_free
 def _segment_gap(ax: float, ay: float, bx: float, by: float) -> float:
     """Return the least distance of the origin from the segment a to b."""
     dx, dy = bx - ax, by - ay
@@ -86,7 +86,7 @@ def _segment_gap(ax: float, ay: float, bx: float, by: float) -> float:
     return math.sqrt(x * x + y * y)
 
 
-@compiled
+@allocation_free
 def _gap(p: tuple[float, float, float, float], q: tuple[float, float, float, float]) -> float:
     """Return the least distance [m] of two segments (x, y, x, y)."""
     px, py, rx, ry = p
@@ -105,7 +105,7 @@ def _gap(p: tuple[float, float, float, float], q: tuple[float, float, float, flo
     )  # fmt: skip
 
 
-@compiled
+@allocation_free
 def _part(piece: Array, begin: float, end: float) -> tuple[float, float, float, float]:
     """Return the segment that a piece drives from one time to another [s]."""
     span = piece[END] - piece[BEGIN]
@@ -115,7 +115,7 @@ def _part(piece: Array, begin: float, end: float) -> tuple[float, float, float, 
     return x + low * dx, y + low * dy, x + high * dx, y + high * dy
 
 
-@compiled
+@allocation_free
 def _open_times(
     p: Array, q: Array, enough: float, needs: Needs, pair: int, tau: float, stack: Array
 ) -> tuple[float, float]:
@@ -157,7 +157,7 @@ def _boxes(pieces: Array) -> Array:
     return boxes
 
 
-@compiled
+@allocation_free
 def _are_apart(a: Array, b: Array, distance: float) -> bool:
     """Return whether two boxes are at least a distance [m] apart along x or y."""
     return bool(
@@ -168,7 +168,7 @@ def _are_apart(a: Array, b: Array, distance: float) -> bool:
     )
 
 
-@compiled
+@allocation_free
 def _may_be_near(a: Array, p: int, b: Array, q: int, distance: float) -> bool:
     """Return whether the boxes of pieces p of a and q of b are less than a distance [m] apart."""
     ax, ay, cx, cy = a[p, X0], a[p, Y0], a[p, X1], a[p, Y1]

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -115,7 +115,7 @@ def nearest(a: Array, b: Array, tau: float) -> Nearest:
     return best
 
 
-@compiled
+@allocation_free
 def _box_distance(a: Array, b: Array) -> float:
     """Return the distance [m] of the boxes around two pieces, a lower bound of their distance."""
     x = max(min(b[X0], b[X1]) - max(a[X0], a[X1]), min(a[X0], a[X1]) - max(b[X0], b[X1]), 0.0)

@@ -16,15 +16,25 @@ import shapely
 from shapely import Polygon
 
 from coordinator.curves.nurbs import Array
-from coordinator.scenario.model import Point
+from coordinator.scenario.model import MapPart, Point
+from coordinator.scenario.obstacle_names import obstacle_name, too_near
 
 
 class Floor:
-    """The outline of the floor and the obstacles on it, exactly as given."""
+    """The outline of the floor and the obstacles on it, exactly as given.
 
-    def __init__(self, boundary: Sequence[Point], obstacles: Sequence[Sequence[Point]]) -> None:
+    `names`: those of the last obstacles, in words; the others are known by their numbers.
+    """
+
+    def __init__(
+        self,
+        boundary: Sequence[Point],
+        obstacles: Sequence[Sequence[Point]],
+        names: Sequence[str] = (),
+    ) -> None:
         self.outline = Polygon(boundary)
         self.obstacles = [Polygon(corners) for corners in obstacles]
+        self._names = dict(enumerate(names, start=len(obstacles) - len(names)))
 
     @cached_property
     def solid(self) -> shapely.STRtree:
@@ -46,6 +56,33 @@ class Floor:
         """Return whether a place is on the floor and in no obstacle."""
         solid = self.solid.query(place, predicate="intersects")
         return bool(shapely.intersects(self.outline, place)) and not len(solid)
+
+    def name(self, index: int, near: shapely.Geometry, part: MapPart | None = None) -> str:
+        """Return the name of an obstacle in words; one of a map has its place nearest to `near`.
+
+        `part`: which of the obstacles come from a map.
+        """
+        outline = self.obstacles[index]
+        known = self._names.get(index)
+        return known or obstacle_name(f"obstacle {index}", index, outline, near, part)
+
+    def what_is_at(self, place: Point, reach: float, part: MapPart | None = None) -> str:
+        """Return in words what is solid nearer than `reach` [m] to a place [m], to follow "which".
+
+        "" if nothing is.  `part`: which of the obstacles come from a map.
+        """
+        here = shapely.Point(place)
+        if not shapely.intersects(self.outline, here):
+            return "is off the floor"
+        apart = np.append(
+            shapely.distance(self.obstacles, here), shapely.distance(self.outline.exterior, here)
+        )
+        nearest = int(apart.argmin())
+        if apart[nearest] >= reach:
+            return ""
+        if nearest == len(self.obstacles):
+            return f"is nearer than {reach:g} m to the floor's edge"
+        return too_near(float(apart[nearest]), reach, self.name(nearest, here, part))
 
     def distance(self, points: Array) -> Array:
         """Return the distance [m] from each of the points (n, 2) to anything solid, (n,)."""

@@ -128,6 +128,8 @@ class Workspace(msgspec.Struct, frozen=True, kw_only=True):
     notes: tuple[str, ...] = ()
     """Sentences for the report about the map that the polygons come from."""
     from_map: MapPart | None = None
+    names: tuple[str, ...] = ()
+    """What the last obstacles are called in messages; the others are known by their numbers."""
 
 
 class Link(msgspec.Struct, frozen=True, kw_only=True):

@@ -44,6 +44,19 @@ def obstacle_name(
     return f"the obstacle of {part.file} at ({place.x:.2f}, {place.y:.2f}) m"
 
 
+def closed_place(name: str) -> str:
+    """Return the name of a place that an operator has closed for messages."""
+    return f"the closed place {name}"
+
+
+def too_near(apart: float, reach: float, name: str) -> str:
+    """Return in words, to follow "which", that a place is `apart` [m] from a thing of this name.
+
+    `reach` [m]: how far it should be.
+    """
+    return f"is nearer than {reach:g} m to {name}" if apart > 0.0 else f"is inside {name}"
+
+
 def note_outside(
     boundary: Sequence[Point], obstacles: Sequence[Sequence[Point]], part: MapPart | None
 ) -> str:

@@ -91,6 +91,7 @@ def parse_scenario(text: bytes, name: str) -> Scenario:
 def scenario_to_json(scenario: Scenario) -> bytes:
     """Return the scenario as JSON; `parse_scenario` reads an equal scenario back from it."""
     document = msgspec.to_builtins(scenario)
+    del document["workspace"]["names"]  # Those are of robots and places while a fleet drives.
     if scenario.workspace.from_map is None:
         del document["workspace"]["from_map"]
     for robot in document["robots"]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free
 
 Integers = npt.NDArray[np.int64]
 Milliseconds = npt.NDArray[np.int32]
@@ -33,7 +33,7 @@ class Table(NamedTuple):
     passed: Integers
 
 
-@compiled
+@allocation_free
 def _limit(table: Table, pair: int, progress: int) -> int:
     """Return the greatest plan time [ms] of the robot behind whose need is below a progress [ms].
 
@@ -53,7 +53,7 @@ def _limit(table: Table, pair: int, progress: int) -> int:
     return max(int(limit), progress + table.tau_ms - 1)
 
 
-@compiled
+@allocation_free
 def grant(table: Table, progress: Integers, wanted: Integers, authority: Integers) -> None:
     """Raise each robot's authority (n,) [ms] to what it wants, as far as the others let it.
 
@@ -68,7 +68,7 @@ def grant(table: Table, progress: Integers, wanted: Integers, authority: Integer
         authority[robot] = max(authority[robot], most)
 
 
-@compiled
+@allocation_free
 def breaks(table: Table, progress: Integers, told: Integers) -> bool:
     """Return whether some robot was told a plan time (n,) [ms] that the others do not let it."""
     for robot in range(len(told)):
@@ -78,7 +78,7 @@ def breaks(table: Table, progress: Integers, told: Integers) -> bool:
     return False
 
 
-@compiled
+@allocation_free
 def holder(table: Table, progress: Integers, robot: int) -> int:
     """Return the robot ahead that leaves a robot the least authority; -1 if nobody limits it."""
     found, least = np.int64(-1), np.int64(2**62)

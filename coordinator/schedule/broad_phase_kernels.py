@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs_kernels import Array, Indices
 
 ROBOT, BEGIN, END, FIRST_CELL, PAST_CELL = range(5)
@@ -110,7 +110,7 @@ def stretches_of(first: Indices, points: Array, half: Array, size: float) -> tup
     return stretches[:count], shapes[:count]
 
 
-@compiled
+@allocation_free
 def columns_in(
     points: Array, stretch: Indices, pad: float, frame: Frame, row: int
 ) -> tuple[int, int]:
@@ -166,7 +166,7 @@ def lay_out(points: Array, stretches: Indices, shapes: Array, frame: Frame) -> G
     return Grid(stretches, shapes, cells[:total], begin[:-1], items, slots, shown)
 
 
-@compiled
+@allocation_free
 def are_apart(one: Array, other: Array) -> bool:
     """Tell whether two grown stretches, given by their shapes, surely have no point in common.
 
@@ -225,7 +225,7 @@ def near_stretches(
     return found, count
 
 
-@compiled
+@allocation_free
 def sort_up(values: Indices) -> None:
     """Sort in place by Shell's method, which is quick when few values are out of order."""
     gap = 1

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs_kernels import Array, Indices
 from coordinator.schedule.broad_phase_kernels import (
     MINE,
@@ -82,7 +82,7 @@ def widened(table: npt.NDArray[Number], count: int) -> npt.NDArray[Number]:
     return wider
 
 
-@compiled
+@allocation_free
 def by_partner(
     found: Indices, count: int, head: Indices, following: Indices, partners: Indices
 ) -> int:
@@ -103,7 +103,7 @@ def by_partner(
     return total
 
 
-@compiled
+@allocation_free
 def keys_of(
     found: Indices, last: int, following: Indices, base: int, turned: bool, keys: Indices
 ) -> int:
@@ -124,7 +124,7 @@ def keys_of(
     return total
 
 
-@compiled
+@allocation_free
 def tell_members(pairs: Indices, order: Indices, sizes: Indices, members: Short) -> None:
     """Write the chords of joined pairs into `members`, zone after zone in the given order.
 

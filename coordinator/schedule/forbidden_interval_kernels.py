@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs import Array
 from coordinator.curves.nurbs_kernels import Indices
 
@@ -74,7 +74,7 @@ class Passage(NamedTuple):
     zone: int
 
 
-@compiled
+@allocation_free
 def _within(table: Timetable, robot: int, leg: int, s: float) -> float:
     """Return when a robot is at s [m] on the leg from knot `leg` to the next one."""
     s0, s1 = table.s[robot, leg], table.s[robot, leg + 1]
@@ -85,13 +85,13 @@ def _within(table: Timetable, robot: int, leg: int, s: float) -> float:
     return float(table.t[robot, leg] + (2.0 * passed / both if both > 0.0 else 0.0))
 
 
-@compiled
+@allocation_free
 def reached(table: Timetable, robot: int, s: float) -> float:
     """Return when a robot reaches s [m]; -inf at its start."""
     return first_at(table, robot, s, 0)[0]
 
 
-@compiled
+@allocation_free
 def first_at(table: Timetable, robot: int, s: float, leg: int) -> tuple[float, int]:
     """Return the time [s] at which a robot reaches s [m], and on which leg; -inf at its start.
 
@@ -107,7 +107,7 @@ def first_at(table: Timetable, robot: int, s: float, leg: int) -> tuple[float, i
     return _within(table, robot, leg, s), leg
 
 
-@compiled
+@allocation_free
 def last_at(table: Timetable, robot: int, s: float, leg: int) -> tuple[float, int]:
     """Return the time [s] at which a robot leaves s [m], and on which leg; infinite at its goal.
 
@@ -160,7 +160,7 @@ def forbid(
     return low, high
 
 
-@compiled
+@allocation_free
 def clash(one: Passage, two: Passage, table: Timetable, cell: float, tau: float) -> float:
     """Return when two robots come too near in the zone that they both pass [s]; infinite if never.
 
@@ -176,7 +176,7 @@ def clash(one: Passage, two: Passage, table: Timetable, cell: float, tau: float)
     )
 
 
-@compiled
+@allocation_free
 def _comes_after(passage: Passage, table: Timetable, cell: float, tau: float) -> bool:
     """Tell whether a robot comes after the other one in each row of a zone.
 

@@ -9,14 +9,14 @@ Decides: where and until when one robot waits.  Must not know: who should go fir
 
 from __future__ import annotations
 
-import heapq
 import math
 from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
+from coordinator.base.heap_kernels import Heap, empty_heap, pop, push, wider_heap
 from coordinator.curves.nurbs import Array
 from coordinator.curves.nurbs_kernels import Indices
 from coordinator.schedule.forbidden_interval_kernels import Known, Rows, Timetable, forbid
@@ -37,6 +37,9 @@ from coordinator.schedule.waiting_kernels import (
 STATION, DEPARTURE, OWNER = range(3)
 """Columns of rests (n, 3): the station, when the robot leaves it [s], and the number of the zone
 because of which it waits there (-1: none)."""
+
+_ROOM: Final = 1024
+"""For how many states there is room on the heap at first."""
 
 _PER_STOP: Final = 0.02
 """By how much [s] one more stop must make a robot with limited acceleration arrive earlier."""
@@ -141,9 +144,10 @@ def search(
     size = len(forbidden.cell) + len(forbidden.low) + 1
     closed = Closed(np.empty(size), np.empty(size), np.empty(size, np.int64))
     extra = 0.0 if ride.at_once else _PER_STOP
-    heap = [(release + rest[0], 0, start)]
-    while len(heap) > 0:
-        _, _, here = heapq.heappop(heap)
+    heap = empty_heap(_ROOM)
+    push(heap, release + rest[0], 0, start)
+    while heap.size[0] > 0:
+        _, here = pop(heap)
         if states.done[here]:
             continue
         states.done[here] = True
@@ -163,6 +167,8 @@ def search(
                 continue
             order = np.argsort(closed.begins[: closed_departures(ride, forbidden, p, q, closed)])
             move = _Move(q, latest, lasts, rest[q])
+            while heap.size[0] + len(order) >= len(heap.keys):
+                heap = wider_heap(heap)
             _reach(states, closed, order, here, move, extra, heap)
     return np.empty((0, 3)), math.inf
 
@@ -189,7 +195,7 @@ def _patience(ride: Ride, forbidden: ForbiddenTimes, p: int) -> float:
     return float(safe[0, BEGIN]) if len(safe) else math.inf
 
 
-@compiled
+@allocation_free
 def _start(first: Indices, times: Array, departure: Departure) -> int:
     """Return the interval in which a robot stands at its start until it may leave.
 
@@ -217,7 +223,7 @@ def _unreached(first: Indices, times: Array) -> _States:
     return _States(first, times, station, best, stops, parent, np.zeros(total), owner, done)
 
 
-@compiled
+@allocation_free
 def _reach(
     states: _States,
     closed: Closed,
@@ -225,7 +231,7 @@ def _reach(
     here: int,
     move: _Move,
     extra: float,
-    heap: list[tuple[float, int, int]],
+    heap: Heap,
 ) -> None:
     """Enter what a move from state `here` can reach into the states and the heap.
 
@@ -251,14 +257,14 @@ def _reach(
             states.best[there], states.stops[there] = depart + lasts, stops
             states.parent[there], states.depart[there] = here, depart
             states.owner[there] = whose
-            heapq.heappush(heap, (depart + lasts + extra * stops + left, stops, there))
+            push(heap, depart + lasts + extra * stops + left, stops, there)
         if k == len(order):
             return
         at, whose = closed.ends[order[k]], closed.owners[order[k]]
         k += 1
 
 
-@compiled
+@allocation_free
 def _next_gap(
     closed: Closed, order: Indices, at: float, whose: int, k: int
 ) -> tuple[float, int, int]:
@@ -275,14 +281,14 @@ def _next_gap(
     return at, whose, k
 
 
-@compiled
+@allocation_free
 def _rounded(depart: float, latest: float) -> float:
     """Return a departure [s] rounded up to a millisecond if it is then still by `latest`."""
     later = math.ceil(depart * 1000.0) / 1000.0
     return later if later <= latest else depart
 
 
-@compiled
+@allocation_free
 def _interval_at(states: _States, q: int, at: float) -> int:
     """Return the state of station q whose interval contains the time `at` [s]; -1 if none does."""
     k = states.first[q + 1] - 1
@@ -291,7 +297,7 @@ def _interval_at(states: _States, q: int, at: float) -> int:
     return int(k) if k >= states.first[q] and at <= states.times[k, END] else -1
 
 
-@compiled
+@allocation_free
 def _is_better(states: _States, there: int, arrive: float, stops: int, extra: float) -> bool:
     """Tell whether a way to a state is better than the one known: earlier, or with fewer stops.
 

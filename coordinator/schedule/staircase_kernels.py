@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs_kernels import Array, Indices
 from coordinator.schedule.fleet_zone_kernels import widened
 from coordinator.schedule.zone_kernels import CELL_NUMBER, HIGH, LOW, Polyline, zone_rows
@@ -69,7 +69,7 @@ class Steps(NamedTuple):
     knots: Indices
 
 
-@compiled
+@allocation_free
 def _time_in(legs: Legs, leg: int, s: float) -> float:
     """Return when [s] a leg comes to arc length s [m], which lies on it."""
     passed = s - legs.s0[leg]
@@ -81,7 +81,7 @@ def _time_in(legs: Legs, leg: int, s: float) -> float:
     return float(min(legs.t0[leg] + 2.0 * passed / (v0 + v), legs.t1[leg]))
 
 
-@compiled
+@allocation_free
 def _first_time_at(legs: Legs, robot: int, s: float, leg: int) -> tuple[float, int]:
     """Return when [s] a robot comes to arc length s [m], inf beyond its goal, and on which leg.
 
@@ -98,7 +98,7 @@ def _first_time_at(legs: Legs, robot: int, s: float, leg: int) -> tuple[float, i
     return (math.inf, max(leg - 1, begin)) if leg == end else (_time_in(legs, leg, s), leg)
 
 
-@compiled
+@allocation_free
 def _last_time_at(legs: Legs, robot: int, s: float, leg: int) -> tuple[float, int]:
     """Return when [s] a robot leaves arc length s [m], inf from its goal on, and on which leg.
 
@@ -113,7 +113,7 @@ def _last_time_at(legs: Legs, robot: int, s: float, leg: int) -> tuple[float, in
     return (math.inf, max(leg - 1, begin)) if leg == end else (_time_in(legs, leg, s), leg)
 
 
-@compiled
+@allocation_free
 def _is_through(
     legs: Legs, robots: tuple[int, int], extent: tuple[float, float], cell: float
 ) -> bool:

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs import Array
 from coordinator.curves.nurbs_kernels import Indices
 
@@ -93,20 +93,21 @@ class _Move(NamedTuple):
     climb: float
 
 
-@compiled
+@allocation_free
 def _move(ride: Ride, p: int, q: int) -> _Move:
     """Return the move from station p to station q."""
-    a, b = ride.stations[p], ride.stations[q]
-    half, climb = 0.5 * (b[PLACE] - a[PLACE]), 0.0
-    if a[LOW] >= b[HIGH] and half > 0.0:
-        peak = min(2.0 * half * ride.ramp, _height(ride.ceiling, a[PLACE] + half))
+    at = ride.stations
+    begin, end, low, high = at[p, PLACE], at[q, PLACE], at[p, LOW], at[q, HIGH]
+    half, climb = 0.5 * (end - begin), 0.0
+    if low >= high and half > 0.0:
+        peak = min(2.0 * half * ride.ramp, _height(ride.ceiling, begin + half))
         climb = 2.0 * half / math.sqrt(peak)
-    cruise = a[TO_LOW] - a[AT_LOW]
-    ends = a[PLACE], b[PLACE]
-    return _Move(*ends, a[LOW], a[TO_LOW], cruise, b[HIGH], b[FROM_HIGH], b[AT_HIGH], half, climb)
+    to_low, from_high = at[p, TO_LOW], at[q, FROM_HIGH]
+    cruise = to_low - at[p, AT_LOW]
+    return _Move(begin, end, low, to_low, cruise, high, from_high, at[q, AT_HIGH], half, climb)
 
 
-@compiled
+@allocation_free
 def _passed(move: _Move, s: float, elapsed: float) -> float:
     """Return how long after its begin a move passes s [m]; `elapsed` as in `passing_time`."""
     if move.low < move.high:
@@ -127,7 +128,7 @@ def _passed(move: _Move, s: float, elapsed: float) -> float:
     return float(move.climb * (2.0 - math.sqrt(max(2.0 - part, 0.0))))
 
 
-@compiled
+@allocation_free
 def passing_time(ride: Ride, p: int, q: int, s: float, elapsed: float) -> float:
     """Return how long after leaving station p for a rest at q the robot passes s [m].
 
@@ -148,17 +149,23 @@ def times_left(ride: Ride) -> Array:
     return found
 
 
-@compiled
+@allocation_free
 def _height(ceiling: Array, s: float) -> float:
     """Return the ceiling's v^2 at s [m]."""
-    k = min(max(int(np.searchsorted(ceiling[:, KNOT_S], s)), 1), len(ceiling) - 1)
+    k, last = 1, len(ceiling) - 1
+    while k < last:
+        middle = (k + last) // 2
+        if ceiling[middle, KNOT_S] < s:
+            k = middle + 1
+        else:
+            last = middle
     low, high = ceiling[k - 1, KNOT_S], ceiling[k, KNOT_S]
     part = min(max((s - low) / (high - low), 0.0), 1.0) if high > low else 0.0
     before, after = ceiling[k - 1, KNOT_W], ceiling[k, KNOT_W]
     return float(before + part * (after - before))
 
 
-@compiled
+@allocation_free
 def _border(ride: Ride, move: _Move, k: int) -> float:
     """Return how long after its begin a move passes the border before cell k.
 
@@ -172,14 +179,26 @@ def _border(ride: Ride, move: _Move, k: int) -> float:
     return _passed(move, s, ride.elapsed[k])
 
 
-@compiled
+@allocation_free
 def _rows_between(cells: Indices, begin: int, end: int, first: int, last: int) -> tuple[int, int]:
     """Return which of rows begin..end - 1 have cells from first to last, as a half-open range.
 
     The rows are in order of their cells.
     """
-    low = begin + int(np.searchsorted(cells[begin:end], first))
-    return low, begin + int(np.searchsorted(cells[begin:end], last + 1))
+    low = _row_at_least(cells, begin, end, first)
+    return low, _row_at_least(cells, low, end, last + 1)
+
+
+@allocation_free
+def _row_at_least(cells: Indices, begin: int, end: int, cell: int) -> int:
+    """Return the first of rows begin..end - 1 whose cell is not below `cell`; `end` if none."""
+    while begin < end:
+        middle = (begin + end) // 2
+        if cells[middle] < cell:
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
 
 
 @compiled
@@ -218,7 +237,7 @@ def safe_times(forbidden: ForbiddenTimes, s: float, cell: int, polite: bool) -> 
     return found[:total]
 
 
-@compiled
+@allocation_free
 def closed_departures(ride: Ride, forbidden: ForbiddenTimes, p: int, q: int, closed: Closed) -> int:
     """Write the departures that a move from p to q must not have; return how many intervals."""
     first, last = int(ride.stations[p, CELL]), int(ride.stations[q, CELL])
@@ -239,18 +258,19 @@ def closed_departures(ride: Ride, forbidden: ForbiddenTimes, p: int, q: int, clo
             continue
         rows = _rows_between(forbidden.cell, begin, end, first, last)
         before, count = count, _forbidden_by(ride, forbidden, move, rows, closed, count)
-        closed.owners[before:count] = z
+        for k in range(before, count):
+            closed.owners[k] = z
     return count
 
 
-@compiled
+@allocation_free
 def _cruises(ride: Ride, move: _Move, first: int, last: int) -> bool:
     """Tell whether a move is at the ceiling from cell `first` to cell `last`."""
     low, high = move.low, move.high
     return bool(low < high and first * ride.cell >= low and (last + 1) * ride.cell <= high)
 
 
-@compiled
+@allocation_free
 def _forbidden_by(
     ride: Ride,
     forbidden: ForbiddenTimes,

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs_kernels import Array, Indices
 from coordinator.schedule.broad_phase_kernels import BEGIN, END, MIDDLE_X, MIDDLE_Y, RADIUS, Grid
 from coordinator.schedule.zone_kernels import BOTTOM, LEFT, Polyline, extent_of, sides_near
@@ -83,7 +83,7 @@ def near_chords(
     return pairs, count
 
 
-@compiled
+@allocation_free
 def _root(pairs: Indices, k: int) -> int:
     """Return the first pair of the zone of pair k; halve the path there for later look-ups."""
     while pairs[k, JOINED] != k:
@@ -92,14 +92,14 @@ def _root(pairs: Indices, k: int) -> int:
     return k
 
 
-@compiled
+@allocation_free
 def _unite(pairs: Indices, k: int, m: int) -> None:
     """Make the zones of two pairs one."""
     k, m = _root(pairs, k), _root(pairs, m)
     pairs[max(k, m), JOINED] = min(k, m)
 
 
-@compiled
+@allocation_free
 def join_pairs(pairs: Indices) -> None:
     """Join pairs (n, 4), which are in increasing order, into zones: write JOINED."""
     row = before = 0
@@ -119,7 +119,7 @@ def join_pairs(pairs: Indices) -> None:
         pairs[k, JOINED] = _root(pairs, k)
 
 
-@compiled
+@allocation_free
 def extents_of(pairs: Indices, line: Polyline, reach: float, extents: Array) -> None:
     """Write the extent of each zone into the row of its first pair.
 
@@ -149,7 +149,7 @@ def extents_of(pairs: Indices, line: Polyline, reach: float, extents: Array) -> 
             extents[zone, END_B] = max(extents[zone, END_B], high)
 
 
-@compiled
+@allocation_free
 def _comes_before(extents: Array, k: int, m: int) -> bool:
     """Tell whether the extent in row k comes before that in row m, by its columns in order."""
     for side in (BEGIN_A, END_A, BEGIN_B, END_B):
@@ -158,7 +158,7 @@ def _comes_before(extents: Array, k: int, m: int) -> bool:
     return k < m
 
 
-@compiled
+@allocation_free
 def zones_in_order(pairs: Indices, extents: Array, order: Indices) -> int:
     """Write the first pairs of all zones into `order`, by extent; return how many there are."""
     count = 0

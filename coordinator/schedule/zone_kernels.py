@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free
 from coordinator.curves.nurbs_kernels import Array, Indices
 
 SLACK: Final = 1e-9
@@ -38,7 +38,7 @@ class Polyline(NamedTuple):
     points: Array
 
 
-@compiled
+@allocation_free
 def is_near(px: float, py: float, dx: float, dy: float, square: float, reach: float) -> bool:
     """Tell whether p is within a distance of the segment from the origin to d.
 
@@ -54,7 +54,7 @@ def is_near(px: float, py: float, dx: float, dy: float, square: float, reach: fl
     return across * across <= reach * square
 
 
-@compiled
+@allocation_free
 def sides_near(p: Array, i: int, q: Array, j: int, square: float) -> int:
     """Return the flags above for chord i of the points p and chord j of the points q; 0 if apart.
 
@@ -79,7 +79,7 @@ def sides_near(p: Array, i: int, q: Array, j: int, square: float) -> int:
     return 0
 
 
-@compiled
+@allocation_free
 def extent_in(
     ax: float, ay: float, dx: float, dy: float, ex: float, ey: float, reach: float
 ) -> tuple[float, float]:
@@ -109,7 +109,7 @@ def extent_in(
     return -left / dd, -right / dd
 
 
-@compiled
+@allocation_free
 def direction(s: Array, p: Array, i: int) -> tuple[float, float]:
     """Return the derivative of the position on chord i by arc length; zeros if it has no length."""
     size = s[i + 1] - s[i]
@@ -118,7 +118,7 @@ def direction(s: Array, p: Array, i: int) -> tuple[float, float]:
     return (p[i + 1, 0] - p[i, 0]) / size, (p[i + 1, 1] - p[i, 1]) / size
 
 
-@compiled
+@allocation_free
 def extent_of(s: Array, p: Array, i: int, q: Array, j: int, reach: float) -> tuple[float, float]:
     """Return the least and greatest arc length [m] on chord i of s, p in conflict with chord j."""
     low, high = extent_in(
@@ -136,7 +136,7 @@ def extent_of(s: Array, p: Array, i: int, q: Array, j: int, reach: float) -> tup
     return min(low, s[i + 1]), max(high, s[i])
 
 
-@compiled
+@allocation_free
 def zone_rows(
     me: Polyline,
     other: Polyline,
@@ -173,7 +173,7 @@ def zone_rows(
     return count
 
 
-@compiled
+@allocation_free
 def _place(begin: float, end: float, y: float) -> float:
     """Return the arc length `begin` + y [m], limited to the chord from `begin` to `end`.
 
@@ -185,7 +185,7 @@ def _place(begin: float, end: float, y: float) -> float:
     return min(begin + y, end) if y < end - begin else end
 
 
-@compiled
+@allocation_free
 def _widen_rows(
     me: Polyline, i: int, other: Polyline, j: int, reach: float, cell: float, rows: Array
 ) -> None:

@@ -84,7 +84,7 @@ def check_log(log: Log) -> Check:
     check = _compare(mission, log, log.records, searches=True)
     if check.difference:
         return check
-    if not check.commands:
+    if not (check.commands or _resumes(log)):
         nothing = "no command" if check.plans else "no plan and no command"
         return check._replace(difference=f"the log holds {nothing}")
     if not log.complete:
@@ -166,7 +166,7 @@ class _Head(NamedTuple):
 def _begin(log: Log) -> Mission:
     """Return the mission as it was at the beginning of a log, everything before planned again."""
     head = _Head.of(log)
-    if RESUMED in log.attachments or log.before:
+    if _resumes(log):
         if difference := check_log(_before(log)[0]).difference:
             raise _NotAgainError(f"{_name_of(log)}, which it resumes: {difference}")
         return _gone_on(log, head.boot)
@@ -192,13 +192,18 @@ def _newest(log: Log) -> tuple[Mission, list[Record]]:
     try:
         if at:
             return _at_checkpoint(head, log, at[-1]), log.records[at[-1] + 1 :]
-        if RESUMED in log.attachments or log.before:
+        if _resumes(log):
             return _gone_on(log, head.boot), log.records
         return head.begin(packed(_plans(log)[1])), log.records
     except KeyError:
         raise _NotAgainError("the log lacks plan-1.json") from None
     except (InputError, PlanError) as error:
         raise _NotAgainError("; ".join(str(error).splitlines())) from None
+
+
+def _resumes(log: Log) -> bool:
+    """Return whether a log goes on from another one; its coordinator may have died at once."""
+    return RESUMED in log.attachments or bool(log.before)
 
 
 def _plans(log: Log) -> dict[int, PlanDocument]:

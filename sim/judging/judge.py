@@ -143,12 +143,18 @@ def judge_boxes(
         robots=[
             _judge_robot(document, name, parts[name], end, clearances.get(name))
             if name in parts
-            else RobotVerdict(name, False, None, 0.0, 0.0, NO_BOX, joined=_known(times[-1].since))
+            else _not_known(name, times[-1])
             for name, times in present.items()
         ],
         collisions_with_obstacles=touching if clearances else None,
         least_clearance=min(clearances.values(), default=None),
     )
+
+
+def _not_known(name: str, stay: Stay) -> RobotVerdict:
+    """Return the verdict on a robot that has no black box."""
+    since, until = _known(stay.since), _known(stay.until)
+    return RobotVerdict(name, False, None, 0.0, 0.0, NO_BOX, joined=since, left=until)
 
 
 class _Leg(NamedTuple):

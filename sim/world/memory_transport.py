@@ -150,11 +150,12 @@ class MemoryNetwork:
         """Kill a session: it sends and receives nothing more.
 
         Others see it gone after `drop_notice_ns`.  What it has put before still arrives, and a new
-        session of the name can be opened at once.  Raises ValueError when no session of that name
-        is open.
+        session of the name can be opened at once; a process that hung takes that with it.  Raises
+        ValueError when no session of that name is open.
         """
         if name not in self._sessions:
             raise ValueError(f"session {name!r} is not open")
+        self._held.pop(name, None)
         self._sessions[name].end(self._drop_notice_ns)
 
     def send(self, sender: str, key: str, payload: bytes) -> None:

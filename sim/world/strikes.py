@@ -151,6 +151,7 @@ class Strikes:
         return self._agenda.now_ns < self._until.get((kind, robot), 0.0)
 
     def _kill(self, name: str) -> None:
+        self._until.pop(("hang", name), None)
         self._robots[name].dead = True
         self._network.drop(name)
 

@@ -5,6 +5,7 @@ import pytest
 from typer.testing import CliRunner
 
 from coordinator.cli.plan_commands import commands
+from coordinator.findings.granted_courses import GrantedCourses
 from coordinator.findings.log_proof import prove_log
 from coordinator.log.log_file import logs_before, read_log
 from coordinator.log.recover import make_whole
@@ -184,6 +185,18 @@ def test_what_a_coordinator_that_died_may_have_granted_counts_as_far_as_the_log_
             granted.take_report(robot, Report(1, 1, 1, 2, stamp_ms=10**6))
         found.append(granted._passed[: len(names)].tolist())
     assert found == [[1_000.0] * len(names), [5_000.0] * len(names)]
+
+
+@pytest.mark.parametrize("is_before", [True, False])
+def test_a_course_keeps_off_those_that_others_went_around_when_it_was_found(plan, is_before):
+    granted = GrantedCourses(plan, prove=True)
+    granted.take_command(go(1, 4_000))
+    steps = [lambda: granted.go_around("R2"), lambda: granted.take_search("R1", 1)]
+    for step in steps if is_before else reversed(steps):
+        step()
+    anew = msgspec.structs.replace(plan.driven[0].plan, number=2, revision=1)
+    granted.take_plan("R1", anew)
+    assert any("of where R2 may stand" in one for one in granted.failures) is is_before
 
 
 def test_a_number_given_twice_is_found(log_path):

@@ -149,7 +149,8 @@ def test_a_robot_whose_goal_is_closed_off_stays_and_is_named_and_the_rest_go_on(
     assert found.document is not None
     assert [robot.id for robot in found.document.robots] == ["C"]
     assert found.said[0] == f"B stays where it is: {found.stays['B']}"
-    assert found.stays["B"].startswith("(7.00, 4.40) is nearer than")
+    assert found.stays["B"].startswith("cannot be at (7.00, 4.40), which")
+    assert found.stays["B"].endswith("to the place where A may stand")
     assert found.stays.keys() == {"B"}
     assert {one.robot.id: one.why for one in found.site.aside} == {"A": "arrived", "B": "closed in"}
     there = Standing(robot="C", state="arrived", epoch=1)

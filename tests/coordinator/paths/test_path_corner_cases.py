@@ -134,5 +134,6 @@ def test_a_way_from_a_place_to_itself_has_no_length():
 
 
 def test_robots_inside_an_obstacle_get_no_path():
-    with pytest.raises(PlanError, match=r"^A: "):
+    told = r"^A: stands at \(4.00, 4.00\), which is inside obstacle 0$"
+    with pytest.raises(PlanError, match=told):
         path_of([a_robot("A", (4.0, 4.0), (6.0, 4.0))], [box(2, 1, 8, 7)], check=False)

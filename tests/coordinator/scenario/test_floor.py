@@ -33,3 +33,21 @@ def test_lines_are_as_far_from_the_solid_as_from_all_of_it_joined():
 def test_a_line_that_lies_wholly_in_the_solid_keeps_no_distance(place):
     line = np.add(place, [(0.0, 0.0), (0.01, 0.0), (0.01, 0.01)])
     assert Floor(BOUNDARY, OBSTACLES).gap(line) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("place", "what"),
+    [
+        ((11.0, 5.0), "is off the floor"),
+        ((3.0, 2.5), "is inside obstacle 0"),
+        ((1.8, 3.0), "is nearer than 0.3 m to obstacle 0"),
+        ((0.2, 3.0), "is nearer than 0.3 m to the floor's edge"),
+        ((9.5, 1.5), "is inside the closed place wet"),
+        ((8.8, 1.5), "is nearer than 0.3 m to the closed place wet"),
+        ((1.7, 3.0), ""),
+    ],
+)
+def test_what_is_too_near_is_told_by_its_name(place, what):
+    floor = Floor(BOUNDARY, OBSTACLES, ["the closed place wet"])
+    assert floor.what_is_at(place, 0.3) == what
+    assert (floor.distance(np.array([place]))[0] < 0.3) == bool(what)

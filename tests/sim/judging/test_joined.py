@@ -124,6 +124,7 @@ def test_without_its_black_box_a_robot_that_joined_is_not_judged_good(copy):
     (copy / "blackbox/R9.csv").unlink()
     verdict = judge(copy)
     assert [one.id for one in verdict.robots if one.fault == NO_BOX] == ["R9"]
+    assert verdict.robots[2].left == pytest.approx(LEFT_S, abs=0.3)
     assert not verdict.is_good()
     assert [(one.a, one.b) for one in verdict.pairs] == [("R1", "R2")]
     answer = CliRunner().invoke(commands, ["judge", str(copy), "--json"])

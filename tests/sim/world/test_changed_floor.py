@@ -10,12 +10,14 @@ from coordinator.log.log_file import log_from_bytes, logs_before, read_log
 from coordinator.mission.replanning_input import next_site
 from coordinator.scenario.model import Order
 from coordinator.service.replay import check_log, go_on
-from protocol.messages import ORDER_DONE, UNDER_WAY
+from protocol.messages import END, ORDER_DONE, UNDER_WAY, Leave, Tell
+from protocol.phases import OVER
 from protocol.timing import SECOND
 from sim.campaigns.truth import touches
+from sim.world.fault_text import Fault
 from sim.world.run_logs import RunLogs
 from tests.scenarios import a_robot, a_scenario, box
-from tests.sim.world.test_orders_in_time import a_world, freezes, idle, states
+from tests.sim.world.test_orders_in_time import a_world, freezes, idle, operator, states
 
 RACK = box(4.5, 1.2, 5.5, 4.0)
 """It stands on R1's way, and leaves one around it."""
@@ -62,6 +64,31 @@ def test_a_fleet_goes_around_what_is_new_on_its_floor(tmp_path):
     for robot_box in world.blackboxes().values():
         places = robot_box.places[robot_box.t > after_s]
         assert shapely.distance(shapely.points(places), rack).min() > 0.2
+    log = read_log(logs.paths[-1])
+    assert check_log(log).difference == ""
+    assert prove_log(log, before=logs_before(log)).holds
+
+
+def test_a_robot_that_was_lost_on_one_floor_and_left_is_not_planned_for_on_the_next(tmp_path):
+    scenario, logs = a_hall(), RunLogs(tmp_path)
+    world = a_world(scenario, logs=logs, stays=True)
+    say = operator(world)
+    while states(world).get("a") != UNDER_WAY:
+        world.step()
+    world.go_on(2.0)
+    world.strike(Fault("kill", "R1", 0.0, 0.0))
+    for obstacles in ((RACK,), ()):
+        world.coordinator.die()
+        world.go_on(2.0)
+        floor = replace(scenario.workspace, obstacles=obstacles)
+        world.coordinator.come_back(replace(scenario, workspace=floor))
+        world.run(20.0)
+        say(Leave(9, "R1"))
+        world.run(10.0)
+    say(Tell(9, END))
+    world.run(60.0)
+    logs.close()
+    assert (world.fleet.phase, world.fleet.epoch, states(world)["c"]) == (OVER, 3, ORDER_DONE)
     log = read_log(logs.paths[-1])
     assert check_log(log).difference == ""
     assert prove_log(log, before=logs_before(log)).holds

@@ -6,6 +6,7 @@ from msgspec.structs import replace
 
 from coordinator.findings.log_proof import prove_log
 from coordinator.log.log_file import logs_before, read_log
+from coordinator.mission.searches import Searches
 from coordinator.scenario.model import Order
 from coordinator.schedule.authority import EVER, Authority
 from coordinator.service.replay import check_log
@@ -61,6 +62,20 @@ def test_a_redirected_robot_never_stands_between_its_courses(goal, faults, tmp_p
     assert world.mission.dispatcher.searches.serial == 3
     assert speeds(world, REDIRECTED, 0.001 * tasks["second"].arrived_ms - 1.5).min() > 0.15
     assert_sound(world, logs)
+
+
+def test_a_robot_with_two_reasons_to_leave_its_course_is_asked_for_one_at_a_time(monkeypatch):
+    asked, ask = [], Searches.ask
+    monkeypatch.setattr(
+        Searches, "ask", lambda *args, **ways: asked.append(args[2:5:2]) or ask(*args, **ways)
+    )
+    world = a_world(hall())
+    world.run(REDIRECTED)
+    world.fleet.orders.go_around("R1", (1, (8.0, 1.0), ()), "nothing", 5_000)
+    redirect(world, (4.0, 6.0))
+    world.run(90.0)
+    assert len(set(asked)) == len(asked) > 2
+    assert set(states(world).values()) == {ORDER_DONE}
 
 
 def test_a_redirected_robot_does_not_even_slow_down_where_the_way_bends_little():

@@ -159,6 +159,39 @@ def test_where_a_robot_came_back_stays_closed_when_it_is_lost_again(tmp_path, la
     assert (check_log(log).difference, prove_log(log).holds) == ("", True)
 
 
+@pytest.mark.parametrize("later", [0.05, 0.2])
+def test_where_a_robot_comes_back_is_closed_although_it_came_back_elsewhere_before(tmp_path, later):
+    """R2 is on a course planned around where R1 came back; R1 comes back upon that, and dies."""
+    slow = {"max_speed": 0.3, "max_accel": 0.3, "max_lateral_accel": 0.3}
+    robots = [idle("R1", (1.0, 6.5)), idle("R2", (1.0, 1.0), **slow)]
+    world, logs = a_fleet(tmp_path, robots, planning_ns=300_000_000)
+
+    def comes_back(boot, x, y):
+        world.strike(Fault("kill", "R1", 0.0, 0.0))
+        world.run(1.5)
+        world.renew("R1", boot, (x, y, 0.0))
+        world.run(1.0)
+        admit(world, "R1")
+        while world.fleet.members["R1"].boot != boot:
+            world.step()
+
+    world.run(2.0)
+    comes_back(78, 4.0, 4.0)
+    operator(world)(Said(9, "far", (13.0, 1.0), robot="R2"))
+    world.run(7.0)
+    comes_back(79, 8.0, 1.0)
+    back = (world.now_ns - world.began_ns) / SECOND
+    world.run(later)
+    world.strike(Fault("kill", "R1", 0.0, 0.0))
+    world.run(60.0)
+    logs.close()
+    assert states(world)["far"] == ORDER_DONE
+    boxes = [box.between(back, math.inf, 0.0) for box in world.blackboxes().values()]
+    assert least_separation(*boxes)[0] > 0.4
+    log = read_log(logs.paths[-1])
+    assert (check_log(log).difference, prove_log(log).holds) == ("", True)
+
+
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (0.0, 4.0)])
 def test_a_robot_killed_as_it_was_sent_on_is_admitted_where_it_stands(tmp_path, shift):
     """Its next program must not take the course that was meant for the one before it."""

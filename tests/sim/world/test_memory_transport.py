@@ -233,6 +233,18 @@ def test_a_dropped_session_that_is_back_before_the_notice_never_was_gone():
     assert told == [(5, True)]
 
 
+def test_a_session_that_follows_a_dropped_one_that_hung_is_delivered_to():
+    network = MemoryNetwork(delay_ns=(5 * MS, 5 * MS))
+    network.session("R1")
+    network.hold("R1")
+    network.drop("R1")
+    heard = []
+    network.session("R1").subscribe("k", lambda _key, payload, _sent_ns: heard.append(payload))
+    network.session("R2").put("k", b"to the new one")
+    network.advance(10 * MS)
+    assert heard == [b"to the new one"]
+
+
 @pytest.mark.parametrize("name", ["R1", "coordinator"])
 def test_a_session_that_is_cut_off_counts_as_alive_until_the_connection_is_given_up(name):
     network = MemoryNetwork(delay_ns=(5 * MS, 5 * MS))

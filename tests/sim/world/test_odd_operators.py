@@ -31,12 +31,14 @@ from protocol.messages import (
     Unblock,
 )
 from protocol.messages import Order as Said
-from protocol.phases import OVER
+from protocol.phases import GO, OVER
 from sim.judging.blackbox import blackbox_text
 from sim.judging.judge import judge
 from sim.world.run_logs import RunLogs
+from sim.world.virtual_service import VirtualService
 from tests.sim.world.test_orders_in_time import (
     a_world,
+    admit,
     assert_sound,
     idle,
     long_hall,
@@ -104,7 +106,8 @@ def test_a_robot_off_the_floor_cannot_join_and_orders_to_there_are_refused_at_on
     say(Said(9, "there", place))
     world.run(1.0)
     assert (states(world)["join-R9"], states(world)["there"]) == (REFUSED, REFUSED)
-    assert "is nearer than 0.3 m to something solid" in reasons(world)["join-R9"]
+    assert reasons(world)["join-R9"].endswith("is off the floor")
+    assert reasons(world)["there"].endswith("which is off the floor")
     assert set(world.fleet.members) == {"R1", "R2"}
 
 
@@ -185,6 +188,96 @@ def test_a_robot_upon_which_a_place_is_closed_while_it_joins_has_joined():
     assert states(world)["out"] == ORDER_DONE
 
 
+def test_a_robot_that_is_started_again_while_it_is_to_join_joins_and_need_not_be_admitted():
+    """Its course is looked for for 2 s meanwhile."""
+    world = a_hall(planning_ns=12_000_000_000)
+    say = operator(world)
+    world.run(3.0)
+    say(R9)
+    world.add("R9", 0.25, 0.8, 77)
+    world.run(0.3)
+    world.renew("R9", 78, (10.0, 3.0, 1.0))
+    world.run(1.2)
+    assert (states(world)["join-R9"], world.fleet.members["R9"].boot) == (WAITING, 78)
+    admit(world, "R9")
+    world.run(5.0)
+    assert states(world)["join-R9"] == ORDER_DONE
+    assert "R9 joins, and need not be admitted" in [one.text for one in world.fleet.incidents]
+    assert world.fleet.phase == GO
+
+
+def test_a_robot_that_does_not_stand_where_it_joins_is_told_so_and_may_leave():
+    world = a_hall()
+    say = operator(world)
+    world.run(3.0)
+    say(R9)
+    world.add("R9", 0.25, 0.8, 77)
+    world.robots["R9"].body.place(10.0, 3.4, 1.0)
+    world.run(30.0)
+    told = [one.text for one in world.fleet.incidents]
+    words = "put it there, or start its program again and admit it"
+    assert f"R9 does not stand at (10.0, 3.0), where its course begins: {words}" in told
+    assert not any("wheels" in text for text in told)
+    say(Leave(9, "R9"))
+    world.run(1.0)
+    assert (states(world)["leave-R9"], "R9" in world.fleet.members) == (ORDER_DONE, False)
+    assert reasons(world)["join-R9"] == "R9 has left the fleet"
+
+
+def test_a_robot_that_leaves_and_joins_again_within_a_search_is_not_sent_what_that_found(
+    monkeypatch,
+):
+    """The search for the order takes 3 s, those for others 50 ms."""
+    times = {"any": 3_000_000_000}
+    monkeypatch.setattr(
+        VirtualService, "_time_of", lambda _, job: times.get(job.wanted.order, 50_000_000)
+    )
+    world = a_hall()
+    say = operator(world)
+    world.run(2.0)
+    say(Said(9, "any", (3.0, 1.0)))
+    world.run(0.3)
+    assert world.mission.dispatcher.searches.has("R1")
+    say(Leave(9, "R1"))
+    world.run(0.2)
+    say(Join(9, "R1", (10.0, 5.0, 0.0), 0.2, 0.8))
+    world.run(0.1)
+    world.renew("R1", 500, (10.0, 5.0, 0.0))
+    world.run(30.0)
+    assert states(world)["any"] == ORDER_DONE
+    assert not world.fleet.grants.given_up
+    assert not any("does not take" in one.text for one in world.fleet.incidents)
+
+
+def test_a_join_that_is_cancelled_and_asked_for_elsewhere_within_a_search_is_to_there():
+    world = a_hall(planning_ns=12_000_000_000)
+    say = operator(world)
+    world.run(3.0)
+    say(R9)
+    world.run(0.3)
+    say(Cancel(9, "join-R9"))
+    say(replace(R9, place=(3.0, 5.0, 0.0), radius_m=0.3))
+    world.add("R9", 0.3, 0.8, 77)
+    world.run(8.0)
+    assert states(world)["join-R9"] == ORDER_DONE
+    assert world.mission.dispatcher.searches.place("R9")[0] == pytest.approx((3.0, 5.0), abs=0.01)
+    assert world.fleet.grants.of("R9").now.course.driven.radius == 0.3
+
+
+def test_who_cannot_leave_is_told_what_to_do():
+    world = a_hall()
+    say = operator(world)
+    say(Leave(9, "R1"))
+    world.run(3.0)
+    assert reasons(world)["leave-R1"] == "R1 can leave once the fleet has set out"
+    say(Said(9, "there", (10.0, 3.0), robot="R1"))
+    world.run(2.0)
+    say(Leave(9, "R1"))
+    world.run(0.5)
+    why = "R1 does not rest; if it cannot get on, end its program first"
+    assert reasons(world)["leave-R1"] == why
+
+
 def test_a_name_of_32_characters_joins_and_leaves():
     name, world = 32 * "x", a_hall()
     say = operator(world)
@@ -244,6 +337,20 @@ def test_the_order_without_a_name_of_a_lost_robot_that_leaves_is_done_by_another
     world.run(60.0)
     assert (states(world)["any"], states(world)["named"]) == (ORDER_DONE, REFUSED)
     assert world.fleet.orders.tasks["any"].robot == "R1"
+
+
+def test_an_order_for_a_robot_at_rest_says_that_it_is_not_heard_or_not_admitted_yet():
+    world = a_hall(faults=["restart:R2@2:5"])
+    say = operator(world)
+    world.run(4.0)
+    say(Said(9, "there", (9.0, 1.0), robot="R2"))
+    world.run(1.0)
+    assert reasons(world)["there"] == "R2 is not heard"
+    world.run(5.0)
+    assert reasons(world)["there"] == "R2 is back and waits to be admitted"
+    admit(world, "R2")
+    world.run(30.0)
+    assert states(world)["there"] == ORDER_DONE
 
 
 def odd_word(dice, step):

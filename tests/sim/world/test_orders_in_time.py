@@ -330,6 +330,24 @@ def test_closed_places_are_left_and_driven_around_until_they_are_open_again():
     assert nobody_touches(world)
 
 
+@pytest.mark.parametrize("pause", [0.5, 0.0])
+def test_another_place_that_is_closed_by_the_name_of_an_earlier_one_is_driven_around(pause):
+    """R1 is on a course that was planned around a place of that name, which is open again."""
+    world = a_world(long_hall(idle("R1", (1.0, 3.0)), idle("R2", (6.0, 1.0))), stays=True)
+    say = operator(world)
+    say(Block(9, "wet", box(2.0, 5.0, 3.0, 5.5)))
+    world.run(3.0)
+    say(Said(9, "across", (11.0, 3.0), robot="R1"))
+    world.run(2.0)
+    say(Unblock(9, "wet"))
+    world.run(pause)
+    say(Block(9, "wet", box(5.0, 2.0, 7.0, 4.0)))
+    world.run(40.0)
+    assert states(world)["across"] == ORDER_DONE
+    driven = shapely.linestrings(world.blackboxes()["R1"].places)
+    assert shapely.distance(driven, shapely.box(5.0, 2.0, 7.0, 4.0)) >= 0.15
+
+
 def test_robots_join_where_they_stand_get_orders_and_leave(tmp_path):
     logs = RunLogs(tmp_path)
     world = a_world(

@@ -132,6 +132,16 @@ def test_the_logs_of_random_faulty_runs_are_run_again_byte_for_byte(scenario, tm
         assert result.commands
 
 
+def test_the_log_of_a_coordinator_that_died_before_its_first_command_is_run_again(
+    scenario, tmp_path
+):
+    faults = read_faults(("coordinator-restart@4:0.2", "coordinator-restart@4.21:0.2"), ROBOTS)
+    run_seed(scenario, SEED, GOOD_LINK, faults, tmp_path)
+    checks = [check_log(read_log(path)) for path in logs_of(tmp_path)]
+    assert [check.difference for check in checks] == ["", "", ""]
+    assert sorted(check.commands > 0 for check in checks) == [False, True, True]
+
+
 def test_the_same_run_gives_the_same_logs_byte_for_byte(story, scenario, tmp_path):
     run_seed(scenario, SEED, GOOD_LINK, read_faults(FAULTS, ROBOTS), tmp_path)
     assert [path.read_bytes() for path in logs_of(tmp_path)] == [
