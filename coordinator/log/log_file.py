@@ -114,7 +114,8 @@ def _log_among_others(folder: Path) -> Log | None:
     if found is None:
         return None
     newest = logs[found]
-    own = {file for file, log in logs.items() if log.is_recording == newest.is_recording}
+    before = {one.metadata.get("boot") for one in readable_logs_before(newest)}
+    own = {found, *(file for file, log in logs.items() if log.metadata.get("boot") in before)}
     left_out = tuple(file.name for file in other_files(folder) if file not in own)
     return replace(newest, left_out=left_out)
 

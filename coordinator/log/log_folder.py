@@ -19,6 +19,9 @@ _FILES: Final = "run-{:04d}.mcap"
 _NUMBERED: Final = re.compile(r"run-(\d{4,})\.mcap")
 """The files of a log that is a folder."""
 
+_OF_RUN: Final = re.compile(r"run(-\d+)?\.mcap")
+"""The files that `run` and `simulate` write; the other ones were put beside them."""
+
 
 def numbered_files(folder: Path) -> list[Path]:
     """Return the files of a log that is a folder, run-0001.mcap and so on, in order."""
@@ -49,13 +52,15 @@ def newest_log(
 ) -> Path | None:
     """Return the file whose log contains the logs of all other files, because it resumes them.
 
-    A listener's recordings count only in a folder that holds nothing else.  `before` returns the
-    logs that a log resumes.  Returns None if there are no logs; raises InputError, with the files'
-    names, if none contains all others.
+    Of several that no other one resumes, one with the name of a run's file is meant.  A listener's
+    recordings count only in a folder that holds nothing else.  `before` returns the logs that a log
+    resumes.  Returns None if there are no logs; raises InputError, with the files' names, if none
+    contains all others.
     """
     own = {file: log for file, log in logs.items() if not log.is_recording} or logs
     resumed = {one.metadata.get("boot") for log in own.values() for one in before(log)} - {None}
     ends = [file for file, log in own.items() if log.metadata.get("boot") not in resumed]
+    ends = [file for file in ends if _OF_RUN.fullmatch(file.name)] or ends
     if len(ends) < 2:
         return ends[0] if ends else None
     names = ", ".join(file.name for file in ends)

@@ -196,6 +196,13 @@ def test_logs_none_of_which_contains_the_others_are_named_and_none_is_taken(two)
         read_log(two)
 
 
+def test_a_copy_beside_the_log_of_a_run_is_named_and_the_log_of_the_run_is_taken(run, two):
+    shutil.copy(two / "a.mcap", two / "run.mcap")
+    log = read_log(two)
+    assert log.records == run[-1].records
+    assert log.remarks == ["not part of the log: a.mcap"]
+
+
 def test_a_coordinator_goes_on_in_a_folder_of_numbered_files_alone(two):
     with pytest.raises(InputError, match=r"no log in files run-0001\.mcap, \.\.\.; name the log's"):
         read_newest(two)
