@@ -4,8 +4,8 @@ A course for an order is looked for (searches.py), and put into effect if it is 
 It counts only if no authority told since breaks it, and it is proven among the courses committed
 since, too; otherwise it is looked for again.
 
-Decides: which robot does which order, when a robot makes room, when an order is refused.  Must not
-know: how courses are found, links, files.
+Decides: when a robot's next course is looked for, when a robot makes room, when an order is
+refused.  Must not know: how courses are found, which robot gets which order, links, files.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 from msgspec.structs import replace
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from coordinator.curves.nurbs import Array
@@ -26,6 +25,7 @@ from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident
 from coordinator.fleet.log_records import CourseRequest
 from coordinator.fleet.orders import Flags, Task
+from coordinator.mission.free_robots import FreeRobots
 from coordinator.mission.obstructions import Obstructions, PlainObstructions
 from coordinator.mission.searches import Asked, Searches
 from coordinator.plan.wire import address
@@ -36,7 +36,7 @@ from coordinator.scenario import plain
 from coordinator.scenario.model import Robot
 from coordinator.scenario.order_checks import OWN
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
-from protocol.phases import GO, MOVING, fault_name
+from protocol.phases import GO, MOVING
 from protocol.timing import SECOND
 
 _AGAIN_MS: Final = 2_000
@@ -60,8 +60,6 @@ _RENEW_MS: Final = 15_000
 
 _JOIN_PATIENCE: Final = 60 * SECOND
 """How long a robot that joins has to be heard for the first time."""
-
-_NEVER: Final = 1e12
 
 
 class PlainDispatcher(msgspec.Struct, frozen=True):
@@ -87,6 +85,7 @@ class Dispatcher:
 
         self.obstructions = Obstructions(fleet, self.robots, self._may_leave)
         self.searches = Searches(fleet, self.robots, self.obstructions)
+        self._free = FreeRobots(fleet, self.robots, self.searches)
         self._tried: dict[str, tuple[object, int]] = {}
         """By order: the state of the fleet and the time [ms] when nothing was found for it."""
         self._ways: dict[str, tuple[float, Array]] = {}
@@ -158,7 +157,7 @@ class Dispatcher:
         self.obstructions.look(now_ns, now_ms)
         self._refuse_if_stuck(now_ns)
         self._refuse_closed()
-        idle = self._idle(now_ns)
+        idle = self._free.idle(now_ns)
         asked = self.searches.orders()
         state = (self.searches.commits, tuple(idle))
         tasks = [
@@ -166,12 +165,12 @@ class Dispatcher:
             for task in book.waiting()
             if task.order.id not in asked and self._is_due(task, state, now_ms)
         ]
-        self._say_who_is_busy(idle, now_ns)
+        self._free.say_who_is_busy(idle, now_ns)
         joins = [task for task in tasks if task.joins is not None]
         tasks = [task for task in tasks if task.joins is None]
         found = [self._ask_join(task, task.joins, now_ns) for task in joins if task.joins]
-        free = [*idle, *self._arriving(now_ns)] if tasks else idle
-        for task, robot in self._assigned(tasks, free, now_ns):
+        free = [*idle, *self._free.arriving(now_ns)] if tasks else idle
+        for task, robot in self._free.assigned(tasks, free, now_ns):
             found.append(self._ask(task, robot, now_ns, follows=robot not in idle))
         found += (  # One by one: once a robot is asked for, it leaves for no other order.
             self._ask(task, task.robot, now_ns, leaves=True)
@@ -210,19 +209,6 @@ class Dispatcher:
         is_known = at_rest or self._fleet.grants.ends.is_end_known(task.robot)
         return is_known and self._may_leave(task.robot, now_ns)
 
-    def _what_keeps(self, robot: str, now_ns: int) -> str:
-        """Return in words why a robot that does no order is not idle."""
-        member = self._fleet.members[robot]
-        if member.has_come_back(now_ns):
-            return "is back and waits to be admitted"
-        if member.lost:
-            return "is lost"
-        if member.is_silent(now_ns):
-            return "is not heard"
-        if member.has_stopped(self._fleet.epoch):
-            return f"has stopped: {fault_name(member.fault)}"
-        return "has not arrived yet" if member.planned else "has no part in this epoch"
-
     def _may_leave(self, robot: str, now_ns: int) -> bool:
         """Return whether a robot drives, and has not been sent elsewhere already."""
         member, mine = self._fleet.members.get(robot), self._fleet.grants.of(robot)
@@ -249,23 +235,6 @@ class Dispatcher:
                     book.end(task, REFUSED, why)
                     break
 
-    def _say_who_is_busy(self, idle: list[str], now_ns: int) -> None:
-        """State the reason for which orders wait that were not looked for yet."""
-        book = self._fleet.orders
-        members = self._fleet.members
-        under_way = [one for one in reversed(book.under_way()) if not members[one.robot].lost]
-        does = {one.robot: one.order.id for one in under_way}
-        for task in book.waiting():
-            robot = task.order.robot
-            if task.makes_room or task.joins is not None:
-                continue
-            if robot in does:
-                task.reason = f"{robot} does {does[robot]} first"
-            elif robot and robot not in idle:
-                task.reason = f"{robot} {self._what_keeps(robot, now_ns)}"
-            elif not robot and not idle:
-                task.reason = "no robot is free"
-
     def commit(self, request: CourseRequest, answer: Answer, now_ns: int) -> Robot | None:
         """Put an answer into effect; return the robot with its new goal if it gets a course."""
         asked = self.searches.take(request)
@@ -283,7 +252,7 @@ class Dispatcher:
         self, request: CourseRequest, asked: Asked, answer: Answer, now_ns: int
     ) -> Robot | None:
         fleet = self._fleet
-        task, idle = fleet.orders.tasks[request.order], self._idle(now_ns)
+        task, idle = fleet.orders.tasks[request.order], self._free.idle(now_ns)
         can_go = self._can_go(request, asked, task, idle, now_ns)
         renews = asked.until < math.inf
         does = fleet.orders.of_robot(request.robot)
@@ -356,7 +325,7 @@ class Dispatcher:
             return False  # It has left the fleet meanwhile, and joined again.
         if asked.leaves:  # One that has stopped meanwhile goes on from where it then rests.
             return member.has_stopped(fleet.epoch) == asked.has_stopped
-        return robot in idle or (asked.follows and robot in self._arriving(now_ns))
+        return robot in idle or (asked.follows and robot in self._free.arriving(now_ns))
 
     def _not_found(
         self, task: Task, asked: Asked, answer: Answer, idle: list[str], now_ns: int
@@ -421,64 +390,9 @@ class Dispatcher:
         self.robots[robot.id] = robot
         return self.searches.ask_join(task, robot, now_ns)
 
-    def _idle(self, now_ns: int) -> list[str]:
-        """Return the robots that rest at their goals and have nothing to do."""
-        fleet = self._fleet
-        busy = {one.robot for one in fleet.orders.under_way()}
-        return [
-            member.id
-            for member in fleet.members.planned
-            if member.has_arrived
-            and member.id not in busy
-            and not member.is_silent(now_ns)
-            and (mine := fleet.grants.of(member.id)) is not None
-            and not mine.is_changing(member.holds)
-        ]
-
-    def _arriving(self, now_ns: int) -> list[str]:
-        """Return the robots that will be idle in a moment: nothing holds them up any more."""
-        fleet = self._fleet
-        stay = {one.robot for one in fleet.orders.under_way() if one.order.dwell > 0.0}
-        stay |= {one.robot for one in fleet.orders.waiting() if one.is_urgent}
-        return [
-            member.id
-            for member in fleet.members.planned
-            if member.phase == MOVING
-            and member.epoch == fleet.epoch
-            and member.driven == member.revision
-            and member.id not in stay
-            and not (member.lost or member.is_silent(now_ns))
-            and (mine := fleet.grants.of(member.id)) is not None
-            and mine.next is None
-            and self.searches.is_time_for(member.id, now_ns)
-        ]
-
     def _is_due(self, task: Task, state: object, now_ms: int) -> bool:
         tried = self._tried.get(task.order.id)
         return tried is None or tried[0] != state or now_ms - tried[1] >= _AGAIN_MS
-
-    def _assigned(self, tasks: list[Task], ready: list[str], now_ns: int) -> list[tuple[Task, str]]:
-        """Return which orders robots get that are idle, or will be soon.
-
-        First those that name them, then others.
-        """
-        free = {name: None for name in ready if not self.searches.has(name)}
-        pairs = []
-        for task in tasks:
-            if task.order.robot in free:
-                del free[task.order.robot]
-                pairs.append((task, task.order.robot))
-        named = {one.order.robot for one in self._fleet.orders.waiting()}
-        names = [name for name in free if name not in named]
-        others = [task for task in tasks if not task.order.robot]
-        if others and names:
-            cost = np.array(
-                [[self._time_to(name, task, now_ns) for name in names] for task in others]
-            )
-            for row, column in zip(*linear_sum_assignment(cost), strict=True):
-                if cost[row, column] < _NEVER:
-                    pairs.append((others[row], names[column]))
-        return pairs
 
     def _nobody_else(self, task: Task, robot: str) -> bool:
         """Take in that a robot can never do an order; return whether no other one might."""
@@ -493,19 +407,6 @@ class Dispatcher:
             }
         task.robot = task.order.robot
         return bool(task.order.robot) or self._fleet.members.keys() <= task.cannot
-
-    def _time_to(self, robot: str, task: Task, now_ns: int) -> float:
-        """Return how long [s] a robot would take straight to an order's goal; _NEVER: it cannot.
-
-        It sets out when it has arrived at its own.
-        """
-        if robot in task.cannot:
-            return _NEVER
-        place, _ = self.searches.place(robot)
-        now_ms = self._fleet.times.plan_ms(now_ns)
-        left_ms = max((self._fleet.grants.arrival_ms(robot, now_ms) or now_ms) - now_ms, 0)
-        far = math.dist(place, task.order.goal[:2])
-        return 0.001 * left_ms + far / self.robots[robot].max_speed
 
     def _are_free(self, robot: str, places: Array) -> Flags:
         """Tell at which places (n, 2) a robot could rest: no other is or is bound there (n,)."""
@@ -536,5 +437,5 @@ class Dispatcher:
         """Return in words why nobody can do an order."""
         member = self._fleet.members.get(task.order.robot)
         if member is not None and (member.lost or member.has_stopped(self._fleet.epoch)):
-            return f"{member.id} {self._what_keeps(member.id, now_ns)}"
+            return f"{member.id} {self._free.what_keeps(member.id, now_ns)}"
         return task.reason or "no robot can do it"
