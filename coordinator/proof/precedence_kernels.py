@@ -181,7 +181,7 @@ def _may_be_near(a: Array, p: int, b: Array, q: int, distance: float) -> bool:
     )
 
 
-@compiled
+@allocation_free
 def _open_in_pair(
     ahead: Array, behind: Array, boxes: tuple[Array, Array], keep: float, needs: Needs, pair: int,
     tau: float, stack: Array,

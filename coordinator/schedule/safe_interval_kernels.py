@@ -39,7 +39,7 @@ STATION, DEPARTURE, OWNER = range(3)
 because of which it waits there (-1: none)."""
 
 _ROOM: Final = 1024
-"""For how many states there is room on the heap at first."""
+"""For how many states on the heap, and closed departures, there is room at first."""
 
 _PER_STOP: Final = 0.02
 """By how much [s] one more stop must make a robot with limited acceleration arrive earlier."""
@@ -92,6 +92,18 @@ class _States(NamedTuple):
     done: npt.NDArray[np.bool_]
 
 
+class _Gaps(NamedTuple):
+    """When robots may not leave for the moves looked at so far; what overlaps is one interval.
+
+    The closed departures of a move are rows first[k] to last[k] - 1 of `closed`, in order and
+    apart; k is the number of the move, and first[k] is -1 before it is looked at.
+    """
+
+    first: Indices
+    last: Indices
+    closed: Closed
+
+
 class _Move(NamedTuple):
     """A move to station `to` that lasts `lasts` [s] and begins by `latest` [s].
 
@@ -141,8 +153,9 @@ def search(
         return np.empty((0, 3)), math.inf
     states, goal = _unreached(first, times), len(ride.stations) - 1
     states.best[start] = release
-    size = len(forbidden.cell) + len(forbidden.low) + 1
-    closed = Closed(np.empty(size), np.empty(size), np.empty(size, np.int64))
+    closed = _closed(len(forbidden.cell) + len(forbidden.low) + 1)
+    moves = (goal + 1) if ride.at_once else (goal + 1) * (goal + 1)
+    gaps, total = _Gaps(np.full(moves, -1), np.zeros(moves, np.int64), _closed(_ROOM)), 0
     extra = 0.0 if ride.at_once else _PER_STOP
     heap = empty_heap(_ROOM)
     push(heap, release + rest[0], 0, start)
@@ -165,11 +178,19 @@ def search(
             bound = soonest + extra * states.stops[here]
             if soonest > until or bound > states.best[-1] + extra * states.stops[-1]:
                 continue
-            order = np.argsort(closed.begins[: closed_departures(ride, forbidden, p, q, closed)])
-            move = _Move(q, latest, lasts, rest[q])
-            while heap.size[0] + len(order) >= len(heap.keys):
+            k = p if ride.at_once else p * (goal + 1) + q
+            if gaps.first[k] < 0:
+                count = closed_departures(ride, forbidden, p, q, closed)
+                if total + count > len(gaps.closed.begins):
+                    gaps = _Gaps(gaps.first, gaps.last, _wider(gaps.closed, total + count))
+                order = np.argsort(closed.begins[:count])
+                gaps.first[k], total = total, _joined(closed, order, gaps.closed, total)
+                gaps.last[k] = total
+            begin, end = gaps.first[k], gaps.last[k]
+            while heap.size[0] + end - begin >= len(heap.keys):
                 heap = wider_heap(heap)
-            _reach(states, closed, order, here, move, extra, heap)
+            move = _Move(q, latest, lasts, rest[q])
+            _reach(states, gaps.closed, (begin, end), here, move, extra, heap)
     return np.empty((0, 3)), math.inf
 
 
@@ -223,11 +244,46 @@ def _unreached(first: Indices, times: Array) -> _States:
     return _States(first, times, station, best, stops, parent, np.zeros(total), owner, done)
 
 
+@compiled
+def _closed(room: int) -> Closed:
+    """Return room for closed departures."""
+    return Closed(np.empty(room), np.empty(room), np.empty(room, np.int64))
+
+
+@compiled
+def _wider(closed: Closed, least: int) -> Closed:
+    """Return the same closed departures with room for at least so many, and for twice as many."""
+    old = len(closed.begins)
+    wider = _closed(max(2 * old, least))
+    wider.begins[:old], wider.ends[:old] = closed.begins, closed.ends
+    wider.owners[:old] = closed.owners
+    return wider
+
+
+@allocation_free
+def _joined(closed: Closed, order: Indices, into: Closed, total: int) -> int:
+    """Write closed departures behind the first `total` of others; return how many there are then.
+
+    order: the closed departures by their begins.  Those that overlap, or nearly touch, become one;
+    its owner is the zone that closes its end.
+    """
+    first = total
+    for k in order:
+        begin, end = closed.begins[k], closed.ends[k]
+        if total > first and begin < into.ends[total - 1] + SOON:
+            if end > into.ends[total - 1]:
+                into.ends[total - 1], into.owners[total - 1] = end, closed.owners[k]
+            continue
+        into.begins[total], into.ends[total], into.owners[total] = begin, end, closed.owners[k]
+        total += 1
+    return total
+
+
 @allocation_free
 def _reach(
     states: _States,
     closed: Closed,
-    order: Indices,
+    rows: tuple[int, int],
     here: int,
     move: _Move,
     extra: float,
@@ -235,19 +291,20 @@ def _reach(
 ) -> None:
     """Enter what a move from state `here` can reach into the states and the heap.
 
-    The robot leaves as early as it can in every gap between the closed departures.  `order`: the
-    closed departures by their begins; `extra` [s]: the penalty for one stop.
+    The robot leaves as early as it can in every gap between the closed departures, which are
+    rows[0] to rows[1] - 1; `extra` [s]: the penalty for one stop.
     """
     earliest = states.best[here]
     q, latest, lasts, left = move
-    at, whose, k = earliest, -1, 0
-    while True:
-        at, whose, k = _next_gap(closed, order, at, whose, k)
-        if at > latest or at == math.inf:
-            return
+    at, whose, k = earliest, -1, rows[0]
+    while k < rows[1] and closed.begins[k] < at + SOON:
+        if closed.ends[k] > at:
+            at, whose = closed.ends[k], closed.owners[k]
+        k += 1
+    while at <= latest and at < math.inf:
         until = latest
-        if k < len(order):
-            until = min(closed.begins[order[k]], latest)
+        if k < rows[1]:
+            until = min(closed.begins[k], latest)
         depart = _rounded(at, until) if at > earliest else at
         there = _interval_at(states, q, depart + lasts)
         stops = states.stops[here]
@@ -258,27 +315,10 @@ def _reach(
             states.parent[there], states.depart[there] = here, depart
             states.owner[there] = whose
             push(heap, depart + lasts + extra * stops + left, stops, there)
-        if k == len(order):
+        if k == rows[1]:
             return
-        at, whose = closed.ends[order[k]], closed.owners[order[k]]
+        at, whose = closed.ends[k], closed.owners[k]
         k += 1
-
-
-@allocation_free
-def _next_gap(
-    closed: Closed, order: Indices, at: float, whose: int, k: int
-) -> tuple[float, int, int]:
-    """Return the first departure [s] from `at` [s] on that is not closed.
-
-    Also returns which zone closes the departures just before it, and where in `order` the next
-    closed interval is; the search for that begins at k.  `whose`: the zone that closes the
-    departures just before `at`; -1 if none does.
-    """
-    while k < len(order) and closed.begins[order[k]] < at + SOON:
-        if closed.ends[order[k]] > at:
-            at, whose = closed.ends[order[k]], closed.owners[order[k]]
-        k += 1
-    return at, whose, k
 
 
 @allocation_free

@@ -127,7 +127,7 @@ def _is_through(
     return leaves < comes
 
 
-@compiled
+@allocation_free
 def _add_steps(
     legs: Legs, robots: tuple[int, int], begin: float, rows: Array, cell: float, steps: Indices,
     count: int,
@@ -141,13 +141,14 @@ def _add_steps(
     is_behind, is_before, before = False, False, count
     enter = leave = legs.first[behind]
     come = go = legs.first[ahead]
-    for row in rows:
-        enters, enter = _first_time_at(legs, behind, max(begin, row[CELL_NUMBER] * cell), enter)
-        last, go = _last_time_at(legs, ahead, row[HIGH], go)
+    for k in range(len(rows)):
+        number = rows[k, CELL_NUMBER]
+        enters, enter = _first_time_at(legs, behind, max(begin, number * cell), enter)
+        last, go = _last_time_at(legs, ahead, rows[k, HIGH], go)
         is_behind |= last < enters
         if not is_behind and not is_before:
-            leaves, leave = _last_time_at(legs, behind, (row[CELL_NUMBER] + 1.0) * cell, leave)
-            comes, come = _first_time_at(legs, ahead, row[LOW], come)
+            leaves, leave = _last_time_at(legs, behind, (number + 1.0) * cell, leave)
+            comes, come = _first_time_at(legs, ahead, rows[k, LOW], come)
             is_before = leaves < comes
         if math.isinf(enters):
             continue

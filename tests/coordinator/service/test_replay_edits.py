@@ -84,9 +84,10 @@ def test_a_log_that_goes_on_from_one_that_is_over_differs_and_names_no_option(lo
 
 
 def damaged(recorded):
-    """The log's bytes with a changed byte in a chunk of its first half, and where that chunk is."""
-    records = log_from_bytes(recorded, "run.mcap").records
-    chunk = records[len(records) // 3].offset
+    """The log's bytes with a changed byte in a chunk that has a Command, and where that chunk is."""
+    log = log_from_bytes(recorded, "run.mcap")
+    commands = numbers_of(log, keys.command("one"))
+    chunk = log.records[commands[len(commands) // 3]].offset
     data = bytearray(recorded)
     data[chunk + 60] ^= 0xFF
     return bytes(data), chunk
