@@ -1,9 +1,18 @@
 """The campaign of operators and faults: runs end well, and those of a damaged product do not."""
 
+from contextlib import closing
+
 import pytest
 
-from benchmarks.operator_campaign import run_seed, shrunk
+from benchmarks.operator_acts import Admission
+from benchmarks.operator_campaign import Trial, judged, run_seed, shrunk
 from coordinator.fleet.authority_ends import AuthorityEnds
+from coordinator.log.log_file import read_log
+from protocol import keys
+from protocol.codec import decode
+from protocol.messages import Order, Plan
+from sim.world.fault_text import Fault
+from sim.world.run_logs import RunLogs
 
 
 def test_two_seeds_end_without_a_touch_and_their_logs_are_proven():
@@ -18,6 +27,29 @@ def test_two_seeds_end_without_a_touch_and_their_logs_are_proven():
 def test_logs_were_judged_wrong_whose_robots_were_started_again_or_never_sent_a_course(seed):
     """A program that was not admitted spoke in a resumed log; a course was withdrawn unsent."""
     assert run_seed(seed, prove_each=1).problems == ()
+
+
+LOST_BEFORE_ITS_COURSE_WAS_SENT = [
+    (9.2, Order(9, "o6", (9.68, 7.17), "R3")),
+    (9.9, Order(9, "o8", (9.34, 5.53), "R4")),
+    (20.67, Order(9, "o16", (6.51, 5.43), "R4", now=True)),
+    (20.78, Order(9, "o17", (12.1, 4.26), "R2")),
+    (23.18, Fault("restart", "R2", 23.16, 5.57)),
+    (28.3, Fault("coordinator-restart", "", 28.3, 4.95)),
+    (34.27, Admission("R2")),
+    (34.64, Fault("cut", "R2", 34.6, 17.81)),
+]
+
+
+def test_a_course_that_was_withdrawn_before_it_was_sent_is_not_sent(tmp_path):
+    with closing(RunLogs(tmp_path)) as logs:
+        trial = Trial(5140, logs, LOST_BEFORE_ITS_COURSE_WAS_SENT)
+        trial.run()
+    assert list(judged(trial, logs, True)) == []
+    key = keys.plan(trial.world.fleet.name, "R2")
+    records = [one for one in read_log(logs.paths[-1]).records if one.key == key]
+    sent = {decode("plan", one.payload) for one in records}
+    assert {one.revision for one in sent if isinstance(one, Plan)} == {3}
 
 
 def test_a_fleet_that_lets_robots_drive_on_which_were_given_up_is_found(monkeypatch):

@@ -234,8 +234,12 @@ class Member:
         return is_long and self.lacks_course(epoch) and not self.is_silent(now_ns)
 
     def withdraw_course(self) -> None:
-        """Send the newest course no more; the one before it counts."""
+        """Send the newest course no more; the one before it counts.
+
+        A robot that has come back has none before it, and has no part until it gets one.
+        """
         self.plan, self.revision = self.course_before
+        self.planned = bool(self.plan)
         self.finished = self.has_arrived
 
     def plan_due(self, now_ns: int) -> bool:

@@ -283,8 +283,19 @@ class FleetState:
         self._tell(now_ns, "fault", member.id, f"{member.id} {silent(member).what}")
 
     def go_around(self, member: Member, now_ns: int) -> None:
-        """Grant a robot nothing more on its course; others go around where it may stand."""
+        """Grant a robot nothing more on its course; others go around where it may stand.
+
+        A course that it was not sent yet is not sent any more.
+        """
         self.grants.give_up(member.id)
+        mine = self.grants.of(member.id)
+        coming = None if mine is None else mine.next
+        if (
+            coming is not None
+            and coming.revision == member.revision
+            and member.plan_sent_ns is None
+        ):
+            member.withdraw_course()
         self.given_up_news.append(member.id)
         self._tell(now_ns, "fault", member.id, f"others go around {member.id}")
 

@@ -84,7 +84,7 @@ def test_a_log_that_goes_on_from_one_that_is_over_differs_and_names_no_option(lo
 
 
 def damaged(recorded):
-    """The log's bytes with a changed byte in a chunk that has a Command, and where that chunk is."""
+    """The log with a changed byte in a chunk that has a Command, and where that chunk is."""
     log = log_from_bytes(recorded, "run.mcap")
     commands = numbers_of(log, keys.command("one"))
     chunk = log.records[commands[len(commands) // 3]].offset
