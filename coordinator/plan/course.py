@@ -23,6 +23,10 @@ _CHORD_ERROR: Final = 5e-4
 """How far [m] chords may be from a path."""
 
 
+_MOST_BOXES: Final = 12
+"""Around a path there are at most so many boxes."""
+
+
 @dataclass(frozen=True, eq=False)
 class Course:
     """A robot's course, driven from plan time `since` at the earliest, until `until` [s].
@@ -64,27 +68,42 @@ class Course:
 
 
 class Boxes:
-    """The boxes around the paths of n courses: `low`, `high` (n, 2) [m], and their robots' radii.
+    """The boxes around the stretches of the paths of n courses, and their robots' `radii` (n,) [m].
 
-    Paths may leave their boxes by `bound` (n,) [m].
+    A long path has several, as its one box would cover places to which it never comes near.
     """
 
     def __init__(self, courses: Sequence[Course]) -> None:
-        boxes = np.array([corners(one.driven) for one in courses]).reshape(-1, 2, 2)
-        self.low, self.high = boxes[:, 0], boxes[:, 1]
-        self.bound = np.array([one.driven.chain.bound for one in courses])
+        boxes = [_boxes_along(one.driven) for one in courses]
+        self._boxes = np.concatenate([*boxes, np.empty((0, 4))])
+        self._first = np.cumsum([0, *(len(one) for one in boxes)])[:-1]
+        self._bound = np.array([one.driven.chain.bound for one in courses])
         self.radii = np.array([one.driven.radius for one in courses])
 
-    def apart(self, low: Array, high: Array) -> Array:
-        """Return by how much [m] each path and another box are apart at least, along x or y."""
-        return np.asarray(np.maximum(self.low - high, low - self.high).max(axis=1) - self.bound)
+    def apart(self, points: Array) -> Array:
+        """Return by how much [m] each path and a polyline (m, 2) are apart at least (n,)."""
+        if not len(self.radii):
+            return np.zeros(0)
+        x0, y0, x1, y1 = self._boxes.T[:, :, None]
+        u0, v0, u1, v1 = _boxes_of(points).T[:, None]
+        along_x, along_y = np.maximum(x0 - u1, u0 - x1), np.maximum(y0 - v1, v0 - y1)
+        nearest = np.maximum(along_x, along_y).min(axis=1)
+        return np.asarray(np.minimum.reduceat(nearest, self._first) - self._bound)
 
 
 @kept
-def corners(driven: Driven) -> Array:
-    """Return the corners of the box around a path's chain, (2, 2) [m]: least and greatest."""
-    points = driven.chain.points
-    return np.array([points.min(axis=0), points.max(axis=0)])
+def _boxes_along(driven: Driven) -> Array:
+    """Return the boxes (k, 4) [m] around stretches of a path's chain, as `_boxes_of` does."""
+    return _boxes_of(driven.chain.points)
+
+
+def _boxes_of(points: Array) -> Array:
+    """Return x0, y0, x1, y1 (k, 4) [m] of the boxes around stretches of a polyline (n, 2)."""
+    last = len(points) - 1
+    ends = np.linspace(0, last, min(last, _MOST_BOXES) + 1).astype(int)
+    low, high = (one.reduceat(points[:-1], ends[:-1]) for one in (np.minimum, np.maximum))
+    low, high = np.minimum(low, points[ends[1:]]), np.maximum(high, points[ends[1:]])
+    return np.column_stack((low, high))
 
 
 class PlainCourse(msgspec.Struct, frozen=True):

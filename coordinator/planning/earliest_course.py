@@ -321,8 +321,7 @@ def _among(search: Search, track: Track) -> tuple[Junctions, Motions, list[Cours
     """Return where a robot meets others, the motions of these, and their courses."""
     site, wish, boxes = search.site, search.wish, search.boxes
     robot, margin = wish.robot, site.terms.margin + NEED_PAD
-    low, high = track.chords.points.min(axis=0), track.chords.points.max(axis=0)
-    are_near = boxes.apart(low, high) < robot.radius + boxes.radii + margin + 0.01
+    are_near = boxes.apart(track.chords.points) < robot.radius + boxes.radii + margin + 0.01
     among = [search.others[k] for k in np.flatnonzero(are_near).tolist()]
     # The path itself keeps clear of robots that stand at their ends for ever.
     among = [one for one in among if not one.has_ended or one.until < math.inf]

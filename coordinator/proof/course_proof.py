@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from coordinator.plan.course import Boxes, Course, corners
+from coordinator.plan.course import Boxes, Course
 from coordinator.plan.document import Limits
 from coordinator.plan.staircases import Staircases
 from coordinator.plan.wire import Driven
@@ -63,6 +63,6 @@ def pair_failures(courses: Sequence[Course], staircases: Staircases, margin: flo
 def that_may_meet(course: Course, others: Sequence[Course], margin: float) -> list[Course]:
     """Return the other courses whose boxes come as near as matters to that of a course."""
     mine, boxes = course.driven, Boxes(others)
-    apart = boxes.apart(*corners(mine)) - mine.chain.bound
+    apart = boxes.apart(mine.chain.points) - mine.chain.bound
     near = apart < mine.radius + boxes.radii + margin
     return [others[k] for k in np.flatnonzero(near).tolist()]
