@@ -329,10 +329,6 @@ class Member:
             return False
         return self.phase in (BRAKING, FROZEN) or (self.phase != MOVING and self.fault != 0)
 
-    def rests_stopped(self, epoch: int) -> bool:
-        """Return whether the robot has stopped by a fault, and rests."""
-        return self.has_stopped(epoch) and self.phase in (IDLE, FROZEN)
-
     @property
     def is_on_floor(self) -> bool:
         """Whether the robot has a part in this epoch, or is to get one where it came back."""

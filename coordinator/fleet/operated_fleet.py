@@ -6,6 +6,8 @@ robots' messages, when the time is looked at (core.py), how courses are found (d
 
 from __future__ import annotations
 
+from typing import Final
+
 import shapely
 
 from coordinator.fleet.events import Outgoing
@@ -33,7 +35,10 @@ from protocol.messages import (
     Tell,
     Unblock,
 )
-from protocol.phases import GO, STOP
+from protocol.phases import FROZEN, GO, IDLE, STOP
+
+_NOWHERE: Final = 0.01
+"""A course of at most this length [m] leads nowhere."""
 
 
 class OperatedFleet(FleetState):
@@ -148,8 +153,8 @@ class OperatedFleet(FleetState):
             task = self.orders.give(order, now_ms)
         if member is not None and not task.is_over:
             is_busy = self.orders.of_robot(leave.robot) is not None or not member.has_arrived
-            rests = self.has_gone and member.rests_stopped(self.epoch)
-            if is_busy and not (rests or member.lost or member.is_new or not member.planned):
+            stays = self.has_gone and self._stays_stopped(member)
+            if is_busy and not (stays or member.lost or member.is_new or not member.planned):
                 self.orders.end(task, REFUSED, f"{leave.robot} {self._why_not_leave()}")
             else:
                 why = ""
@@ -159,6 +164,19 @@ class OperatedFleet(FleetState):
                 self.orders.end(task, ORDER_DONE, why)
                 self._take_out(leave.robot, now_ns, leave)
         return [self._order_state(task.message()), *self.order_states()]
+
+    def _stays_stopped(self, member: Member) -> bool:
+        """Return whether a robot has stopped by a fault, and stays until it gets another course.
+
+        One that does not stand where its course begins sets out as soon as it does, as far as it
+        was told, even when it has left: it stays only if its course leads nowhere.
+        """
+        if not member.has_stopped(self.epoch):
+            return False
+        mine = self.grants.of(member.id)
+        course = None if mine is None else mine.now.course
+        leads_on = course is None or course.driven.timeline.length > _NOWHERE
+        return member.phase == FROZEN or (member.phase == IDLE and not leads_on)
 
     def _why_not_leave(self) -> str:
         """Return in words why a robot cannot leave that neither rests nor is lost."""

@@ -26,6 +26,7 @@ from protocol.messages import (
     Unblock,
 )
 from protocol.messages import Order as Said
+from protocol.phases import IDLE, OFF_PATH
 from sim.world.fault_text import Fault
 from sim.world.run_logs import RunLogs
 from tests.scenarios import a_scenario, box
@@ -215,6 +216,29 @@ def test_a_robot_that_is_being_admitted_is_not_to_be_started_and_admitted():
         told += news.news(world.mission)
     assert told == []
     assert "R1 is admitted" in [one.text for one in world.fleet.incidents]
+
+
+def test_a_robot_that_may_still_set_out_does_not_leave():
+    """It is let in, does not stand where its course begins, and may be put there at any time."""
+    world = one_killed(None)
+    say = operator(world)
+    pose, member = world.robots["R1"].body.true_pose(), world.fleet.members["R1"]
+    x, y, heading = pose
+    world.renew("R1", 78, pose)
+    world.run(1.0)
+    admit(world, "R1")
+    while not (member.planned and member.phase == IDLE and member.fault == OFF_PATH):
+        if member.came_back_to is not None:
+            world.robots["R1"].body.place(x, y + 0.5, heading)
+        world.step()
+    world.run(0.5)
+    say(Leave(9, "R1"))
+    world.run(0.5)
+    why = "R1 does not rest; if it cannot get on, end its program first"
+    assert reasons(world)["leave-R1"] == why
+    world.robots["R1"].body.place(*pose)
+    world.run(20.0)
+    assert states(world)["far"] == ORDER_DONE
 
 
 def test_the_orders_of_a_lost_robot_say_that_it_is_lost():
