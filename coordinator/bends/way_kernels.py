@@ -143,9 +143,10 @@ def earliest_way(
 def _searched(
     search: _Search, states: _States, heap: Heap, total: int, left: int
 ) -> tuple[int, int, int]:
-    """Search until the goal is reached; return its state, and how many states there are then.
+    """Go on with a search in which there are `total` states and `left` more may be expanded.
 
-    Expands at most `left` states of `total`, and also returns how many of those are left.
+    Return the state at the goal, or _NONE without a way, or _FULL if there is no room for more
+    states; and both numbers as they are then.
     """
     mesh, trip, times = search.mesh, search.trip, search.times
     while heap.size[0] > 0 and left > 0:

@@ -134,7 +134,7 @@ def order(
     """
     wanted = _wanted(to, via or [], dwell, vda5050)
     name, whose = order_id or wanted.id, robot or wanted.robot
-    _tell_in_vain(now, whose)
+    _tell_if_nobody_leaves(now, whose)
     state: OrderState | None = None
     is_over = False
     with fleet_line(connect, fleet, patience, keys) as line:
@@ -179,8 +179,8 @@ def order(
         raise typer.Exit(1)
 
 
-def _tell_in_vain(now: bool, robot: str) -> None:
-    """Tell that --now redirects nobody, if no robot is named."""
+def _tell_if_nobody_leaves(now: bool, robot: str) -> None:
+    """Tell that no robot leaves what it does for an order with --now that names none."""
     if now and not robot:
         tell(
             "--now has no effect without --robot: the coordinator takes one that is free", "yellow"
