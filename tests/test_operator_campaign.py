@@ -2,13 +2,14 @@
 
 from contextlib import closing
 
+from benchmarks import operator_campaign
 from benchmarks.operator_acts import Admission
 from benchmarks.operator_campaign import Trial, judged, run_seed, shrunk
 from coordinator.fleet.authority_ends import AuthorityEnds
 from coordinator.log.log_file import read_log
 from protocol import keys
 from protocol.codec import decode
-from protocol.messages import Order, Plan
+from protocol.messages import ORDER_DONE, Order, Plan
 from sim.world.fault_text import Fault
 from sim.world.run_logs import RunLogs
 
@@ -42,6 +43,27 @@ def test_a_course_that_was_withdrawn_before_it_was_sent_is_not_sent(tmp_path):
     records = [one for one in read_log(logs.paths[-1]).records if one.key == key]
     sent = {decode("plan", one.payload) for one in records}
     assert {one.revision for one in sent if isinstance(one, Plan)} == {3}
+
+
+GIVEN_UP_SHORT_OF_WHERE_ITS_AUTHORITY_MAY_END = [
+    (4.08, Order(9, "o3", (6.72, 6.54), "R3")),
+    (12.08, Order(9, "o14", (6.22, 5.63), "R4", now=True)),
+    (12.24, Fault("stall", "R4", 12.24, 27.78)),
+    (15.34, Fault("coordinator-restart", "", 15.34, 1.77)),
+    (18.80, Order(9, "o22", (0.78, 2.25), "R5")),
+    (20.94, Order(9, "o29", (3.2, 4.95))),
+    (21.26, Order(9, "o30", (4.68, 6.77), "R1", now=True)),
+]
+
+
+def test_a_robot_gets_no_new_times_from_where_it_may_never_come(monkeypatch, tmp_path):
+    """It is given up, with less than it may have been told before the coordinator's restart."""
+    monkeypatch.setattr(operator_campaign, "PATIENCE", 60.0)
+    with closing(RunLogs(tmp_path)) as logs:
+        trial = Trial(6210, logs, GIVEN_UP_SHORT_OF_WHERE_ITS_AUTHORITY_MAY_END)
+        trial.run()
+    assert list(judged(trial, logs, True)) == []
+    assert trial.world.fleet.orders.tasks["o14"].state == ORDER_DONE
 
 
 def test_a_fleet_that_lets_robots_drive_on_which_were_given_up_is_found(monkeypatch):

@@ -375,6 +375,11 @@ class OrderBook:
         task.reason = task.purpose = f"makes room for {whose}"
         return task
 
+    def offer_again(self) -> None:
+        """Take in that ways have opened: robots that could not do an order may be able to now."""
+        for task in self._open.values():
+            task.cannot.clear()
+
     def end(self, task: Task, state: int, reason: str = "") -> None:
         """Take in that an order is over; a robot that left its place for it is to go back."""
         task.state, task.reason = state, reason

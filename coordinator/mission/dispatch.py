@@ -189,7 +189,7 @@ class Dispatcher:
             if task is None or task.makes_room or task.order.via or late.get(name, 0.0) < _LATE:
                 continue
             is_due = now_ms - self._renewed.get(name, -_RENEW_MS) >= _RENEW_MS
-            if not (is_due and grants.gets_on(name, plan_ms) and self._may_leave(name, now_ns)):
+            if not (is_due and grants.gets_on(name, plan_ms) and self._can_leave(name, now_ns)):
                 continue
             until = self.searches.worth_until(name, now_ns)
             if until > 0.0:
@@ -205,9 +205,13 @@ class Dispatcher:
         mine = self._fleet.grants.of(task.robot)
         if mine is None or mine.now.revision < task.leaves:
             return False
-        at_rest = self.obstructions.rest_of(task.robot) is not None
-        is_known = at_rest or self._fleet.grants.ends.is_end_known(task.robot)
-        return is_known and self._may_leave(task.robot, now_ns)
+        return self._can_leave(task.robot, now_ns)
+
+    def _can_leave(self, robot: str, now_ns: int) -> bool:
+        """Return whether a robot may leave its course, and it is known where at the latest."""
+        at_rest = self.obstructions.rest_of(robot) is not None
+        is_known = at_rest or self._fleet.grants.ends.is_end_known(robot)
+        return is_known and self._may_leave(robot, now_ns)
 
     def _may_leave(self, robot: str, now_ns: int) -> bool:
         """Return whether a robot drives, and has not been sent elsewhere already."""
@@ -290,7 +294,7 @@ class Dispatcher:
         self._ways.pop(task.order.id, None)
         if task.makes_room:
             task.order = replace(task.order, goal=proposal.course.goal)
-            text = f"{request.robot} {task.reason}"
+            text = f"{request.robot} {task.reason or task.purpose}"
             fleet.incidents.append(Incident(now_ns, "order", request.robot, text))
         elif renews:
             text = f"{request.robot} gets new times for {task.order.id}: others go first"

@@ -252,6 +252,8 @@ class Obstructions:
         self._give_up_refusing(now_ns)
         self._give_up_stopped(now_ns)
         given_up = fleet.grants.given_up
+        if self._around.keys() - given_up:
+            fleet.orders.offer_again()
         self._around = {name: ring for name, ring in self._around.items() if name in given_up}
         for name in sorted(given_up - self._around.keys()):
             self._around[name] = self.aside(name).disc()
@@ -425,6 +427,7 @@ class Obstructions:
         if gone:  # One is open again, or another place has its name: limits are found anew.
             self._told = {}
             self._avoided = {course: names - gone for course, names in self._avoided.items()}
+            fleet.orders.offer_again()
             for member in fleet.members.planned:
                 fleet.grants.ends.limit(member.id, EVER)
         for name in sorted((closed.keys() - self._closed.keys()) & fleet.blocks.keys()):

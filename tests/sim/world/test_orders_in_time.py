@@ -330,6 +330,23 @@ def test_closed_places_are_left_and_driven_around_until_they_are_open_again():
     assert nobody_touches(world)
 
 
+def test_a_robot_whose_way_was_closed_does_an_order_without_a_name_once_it_is_open():
+    """R1 might have done it too, but is lost."""
+    world = a_world(
+        long_hall(idle("R1", (11.0, 1.0)), idle("R2", (2.0, 3.0))), stays=True, faults=["kill:R1@1"]
+    )
+    say = operator(world)
+    say(Block(9, "door", box(5.0, 0.0, 6.0, 6.0)))
+    world.run(5.0)
+    say(Said(9, "beyond", (8.0, 3.0)))
+    world.run(5.0)
+    assert states(world) == {"beyond": WAITING}
+    say(Unblock(9, "door"))
+    world.run(30.0)
+    assert states(world) == {"beyond": ORDER_DONE}
+    assert nobody_touches(world)
+
+
 @pytest.mark.parametrize("pause", [0.5, 0.0])
 def test_another_place_that_is_closed_by_the_name_of_an_earlier_one_is_driven_around(pause):
     """R1 is on a course that was planned around a place of that name, which is open again."""
