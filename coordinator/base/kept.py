@@ -22,7 +22,10 @@ def kept(function: Callable[..., Result]) -> Callable[..., Result]:
 
     @wraps(function)
     def found(owner: object, *others: object) -> Result:
-        results = known.setdefault(owner, {})
+        try:
+            results = known[owner]
+        except KeyError:
+            results = known[owner] = {}
         if others not in results:
             results[others] = function(owner, *others)
         return results[others]

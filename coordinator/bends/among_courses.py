@@ -22,7 +22,7 @@ from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.curves.nurbs_kernels import Indices
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.paths.smoothing import least_radius, smooth
-from coordinator.plan.course import Course
+from coordinator.plan.course import Boxes, Course
 
 
 class Pitch(NamedTuple):
@@ -50,6 +50,9 @@ loops, their steering cannot follow: at a radius of 2 mm one left its path."""
 
 _MOST_STATES: Final = 2_500
 """How many states the search for one way expands at most."""
+
+_ITSELF: Final = -3
+"""The number of the robot that looks for a path; no sample, and no place on a mesh, is its own."""
 
 _STEP: Final = 0.15
 """Distance [m] between the samples of a course."""
@@ -79,28 +82,26 @@ class Bends:
     def path(
         self,
         finder: Pathfinder,
-        others: Sequence[Course],
-        late: Mapping[str, float],
+        traffic: Traffic,
         times: Times,
         pitch: Pitch,
     ) -> Nurbs | None:
         """Return a path for the first robot of a scenario, on which it should arrive earliest.
 
-        The robots after it stand where `others` rest.  `late`: how late [s] others may be.  None if
-        there is no path among them on which it arrives in time.
+        The robots after it stand where others rest.  None if there is no path in this traffic on
+        which it arrives in time.
         """
-        robot, own = finder.scenario.robots[0], len(others)
+        robot = finder.scenario.robots[0]
         reach, tau = robot.radius + finder.scenario.margin + pitch.room, times.tau + _PAD
-        traffic = _traffic(others, late, times.leaves, tau, reach)
         latest = times.latest - times.leaves - times.ramp
-        if free_from(traffic, own, *robot.goal[:2], reach, tau) >= latest:
+        if free_from(traffic, _ITSELF, *robot.goal[:2], reach, tau) >= latest:
             return None
         space, mesh = finder.space_among_places(0), self._mesh(finder, pitch.cells)
-        ends = ends_on(mesh, own, space, robot)
+        ends = ends_on(mesh, _ITSELF, space, robot)
         if ends is None:
             return None
         speed = finder.scenario.planned_speed(robot)
-        trip = Trip(own, *ends, speed, times.ramp, reach, tau)
+        trip = Trip(_ITSELF, *ends, speed, times.ramp, reach, tau)
         way, _ = way_among(mesh, trip, space, traffic, latest, _MOST_STATES)
         if not len(way):
             return None
@@ -127,10 +128,24 @@ class Bends:
         return mesh
 
 
-def _traffic(
-    others: Sequence[Course], late: Mapping[str, float], zero: float, tau: float, reach: float
+def traffic_for(
+    finder: Pathfinder,
+    others: Sequence[Course],
+    boxes: Boxes,
+    late: Mapping[str, float],
+    times: Times,
 ) -> Traffic:
-    """Return the samples of courses from plan time `zero` [s] on, which counts as 0."""
+    """Return the samples of the courses that the first robot of a scenario may meet on its way.
+
+    It meets none that it would have to go so far out of its way for that it arrives too late.
+    `boxes`: those around `others`; `late`: how late [s] they may be.  times.leaves counts as 0.
+    """
+    robot, zero, tau = finder.scenario.robots[0], times.leaves, times.tau + _PAD
+    reach = robot.radius + finder.scenario.margin + max(pitch.room for pitch in PITCHES)
+    farthest = finder.scenario.planned_speed(robot) * (times.latest - times.leaves)
+    ways = boxes.ways_by(np.array(robot.start[:2]), np.array(robot.goal[:2]))
+    may_meet = ways <= farthest + 2.0 * (reach + boxes.radii)
+    others = [others[k] for k in np.flatnonzero(may_meet).tolist()]
     parts = [_samples(one) for one in others]
     owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     samples = np.concatenate([*parts, np.empty((0, 5))])

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -62,7 +63,7 @@ class Chain:
         polygons = np.hypot(*np.diff(self.corners, axis=1).T)
         return float(chords.sum()), float(polygons.sum())
 
-    @property
+    @cached_property
     def bound(self) -> float:
         """The greatest distance [m] between the curve and the polyline through `points`."""
         return float(self.deviation.max())

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import msgspec
@@ -60,7 +61,7 @@ class Course:
         """Return a path as chords, for zones."""
         return chords_of(path, _CHORD_ERROR)
 
-    @property
+    @cached_property
     def goal(self) -> tuple[float, float]:
         """The place where the robot rests at the end [m]."""
         x, y = self.driven.curve.points[-1].tolist()
@@ -89,6 +90,19 @@ class Boxes:
         along_x, along_y = np.maximum(x0 - u1, u0 - x1), np.maximum(y0 - v1, v0 - y1)
         nearest = np.maximum(along_x, along_y).min(axis=1)
         return np.asarray(np.minimum.reduceat(nearest, self._first) - self._bound)
+
+    def ways_by(self, a: Array, b: Array) -> Array:
+        """Return how long [m] a way from a place to another is at least that touches each path.
+
+        a, b (2,) [m]; the result is (n,).
+        """
+        if not len(self.radii):
+            return np.zeros(0)
+        ways = np.zeros(len(self._boxes))
+        for place in (a, b):
+            beyond = np.maximum(self._boxes[:, :2] - place, place - self._boxes[:, 2:])
+            ways += np.hypot(*np.maximum(beyond, 0.0).T)
+        return np.asarray(np.minimum.reduceat(ways, self._first) - 2.0 * self._bound)
 
 
 @kept

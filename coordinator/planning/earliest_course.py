@@ -21,7 +21,7 @@ from msgspec.structs import replace as changed
 
 from coordinator.base.errors import PlanError
 from coordinator.base.kept import kept
-from coordinator.bends.among_courses import PITCHES, Times
+from coordinator.bends.among_courses import PITCHES, Times, traffic_for
 from coordinator.bends.courses import may_bend
 from coordinator.curves.chords import Chords
 from coordinator.curves.nurbs import Array, Nurbs
@@ -160,13 +160,16 @@ def _bent(search: Search) -> Try:
         finish = found.motion.finish
     except PlanError as problem:
         error = problem
-    suits = False
+    suits, traffic = False, None
     for pitch in PITCHES:
         if finish < release + track.alone + pitch.lost or (suits and pitch is PITCHES[-1]):
             break
         latest = finish - _WORTH
         times = Times(release, latest, ramp, site.terms.tau)
-        aside = site.bends.path(search.finder, search.others, wish.late, times, pitch)
+        if traffic is None:
+            finder, boxes = search.finder, search.boxes
+            traffic = traffic_for(finder, search.others, boxes, wish.late, times)
+        aside = site.bends.path(search.finder, traffic, times, pitch)
         if aside is not None:
             suits = False
             with suppress(PlanError):

@@ -111,7 +111,8 @@ class Flights:
         leg = np.concatenate([one.leg for one in own]) + ends[robot, 0]
         rows = np.concatenate([*(one.rows for one in own), still.rows])
         robot, leg = np.concatenate((robot, still.robot)), np.concatenate((leg, still.leg))
-        return Pieces(rows, robot, leg).pick(np.lexsort((rows[:, BEGIN], robot)))
+        # Legs are numbered by robot, then time; these are two runs in order, soon merged.
+        return Pieces(rows, robot, leg).pick(np.argsort(leg, kind="stable"))
 
     def _pieces_of(self, legs: Indices, tolerance: float) -> Pieces:
         ends = self._nodes(np.repeat(legs, 2), self._legs[legs][:, (_LEG_BEGIN, _LEG_END)].ravel())
