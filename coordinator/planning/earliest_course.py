@@ -354,11 +354,10 @@ def _delays(site: Site, wish: Wish, other: Course) -> list[float]:
 
 
 def _ahead(driven: Driven, since: float) -> Track:
-    """Return a course as a track, without most of the chords that are left by a plan time [s]."""
-    track, (begins, _, starts, _, _, _) = _known(driven), driven.legs
-    chords, leg = track.chords, max(int(np.searchsorted(begins, since, side="right")) - 1, 0)
-    first = int(np.searchsorted(chords.s, starts[leg], side="right")) - 1
-    first = min(first, len(chords.s) - 2)
+    """Return a course as a track, without the chords that the robot has left by plan time `since`."""
+    track = _known(driven)
+    chords, s = track.chords, driven.timeline.s_at(since)
+    first = min(int(chords.s.searchsorted(s, side="right")) - 1, len(chords.s) - 2)
     if first <= 0:
         return track
     return replace(track, chords=Chords(chords.s[first:], chords.points[first:], chords.error))
