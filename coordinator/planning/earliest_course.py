@@ -354,7 +354,7 @@ def _delays(site: Site, wish: Wish, other: Course) -> list[float]:
 
 
 def _ahead(driven: Driven, since: float) -> Track:
-    """Return a course as a track, without the chords that the robot has left by plan time `since`."""
+    """Return a course as a track, without the chords left by a plan time [s]."""
     track = _known(driven)
     chords, s = track.chords, driven.timeline.s_at(since)
     first = min(int(chords.s.searchsorted(s, side="right")) - 1, len(chords.s) - 2)
