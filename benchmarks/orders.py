@@ -8,8 +8,10 @@ same kind: robots of their sizes at 1 m/s that start and stop at once, tau 0.3 s
 extra time counts from the order on, theirs includes 3.1 to 3.2 s of standing before each task.
 
 `python -m benchmarks orders` runs the smaller cells; `python -m benchmarks.orders --most 1000`
-larger ones, `--long 10000` that many orders with 50 robots.  Decides: the cells and what is
-measured.
+larger ones, `--long 10000` that many orders with 50 robots: once without black boxes, for the
+memory, and once judged by rows that are 100 ms apart.
+
+Decides: the cells and what is measured.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ import math
 import resource
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
@@ -50,6 +53,8 @@ COBRA: Final = (("open", 50, 0.2), ("office", 30, 0.27), ("warehouse", 50, 0.25)
 """Floor, robots, radius [m]."""
 _PUBLISHED: Final = {"open": 5.7, "office": 15.9, "warehouse": 10.4}
 _PERIOD_NS: Final = 20 * MILLISECOND
+_EARLY: Final = 0.2
+"""Memory is measured when this share of the orders is done, and at the end."""
 
 
 def day(kind: str, robots: int, seed: int, per_robot: int = ORDERS) -> Scenario:
@@ -94,20 +99,24 @@ class _Timed:
         return timed
 
 
-def run(scenario: Scenario, name: str, *, boxes: bool = True) -> Row:
-    """Run a scenario until all orders are over, and return its row of the table."""
+def run(scenario: Scenario, name: str, row_period_ns: int | None = 1) -> Row:
+    """Run a scenario until all orders are over, and return its row of the table.
+
+    `row_period_ns`: the time between two rows of the black boxes that are judged; None for none.
+    """
     document = plan_scenario(scenario)
     world = World(
         scenario,
         document,
         MemoryNetwork(1),
         period_ns=_PERIOD_NS,
-        row_period_ns=1 if boxes else 10**15,
+        row_period_ns=row_period_ns or 10**15,
     )
     gc.collect()
     gc.freeze()  # As the coordinator does, or its searches pay for the objects of the plan.
     timed, began = _Timed(world), time.process_time()
     fleet, stands, done, since = world.fleet, list[float](), 0, 0
+    early, wanted = math.nan, _number_of_orders(scenario)
     while not fleet.is_finished and world.now_ns - since < PATIENCE * SECOND:
         world.run(1.0)
         agents = [robot.service.agent for robot in world.robots.values()]
@@ -115,7 +124,9 @@ def run(scenario: Scenario, name: str, *, boxes: bool = True) -> Row:
         stands.append(1.0 - driving / len(agents))
         if fleet.orders.done > done:
             done, since = fleet.orders.done, world.now_ns
-    cpu = time.process_time() - began
+        if math.isnan(early) and done >= _EARLY * wanted:
+            early = _memory()
+    cpu, memory = time.process_time() - began, _memory()
     tasks = [one for one in fleet.orders.tasks.values() if not one.makes_room]
     over = [one for one in tasks if one.state == ORDER_DONE]
     extra, free_ms = list[int](), dict[str, int]()
@@ -130,7 +141,7 @@ def run(scenario: Scenario, name: str, *, boxes: bool = True) -> Row:
         "robots": len(scenario.robots),
         "orders": len(tasks),
         "done": len(over),
-        "touch": len(touches(document, world.blackboxes(), ())) if boxes else 0,
+        "touch": len(touches(document, world.blackboxes())) if row_period_ns else "not judged",
         "freezes": sum(one.phase == FREEZE for one in fleet.incidents),
         "orders/min": len(over) / minutes,
         "extra s": float(np.mean(extra)) / 1000.0 if extra else math.nan,
@@ -140,8 +151,22 @@ def run(scenario: Scenario, name: str, *, boxes: bool = True) -> Row:
         "p99 ms": float(search[1]),
         "CPU ms/order": 1000.0 * cpu / max(len(over), 1),
         "stand": float(np.mean(stands)),
-        "MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+        "MB early": early,
+        "MB": memory,
     }
+
+
+def _number_of_orders(scenario: Scenario) -> int:
+    """Return how many orders a scenario gives, without those that make room."""
+    demand = scenario.demand
+    wanted = 0 if demand is None else demand.per_robot * len(scenario.robots)
+    return wanted + len(scenario.orders)
+
+
+def _memory() -> float:
+    """Return the memory that this process has now [MB]."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize() / 2**20
 
 
 def cobra() -> list[Row]:
@@ -190,7 +215,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return
     if asked.long:
         scenario = day("open", 50, 1, asked.long // 50)
-        record("orders_long", {f"{asked.long} orders": [run(scenario, "open", boxes=False)]})
+        rows = [run(scenario, "open", None), run(scenario, "open", 100 * MILLISECOND)]
+        record("orders_long", {f"{asked.long} orders": rows})
         return
     floors = [asked.floor] if asked.floor else list(FLOORS)
     if asked.queued:

@@ -23,7 +23,6 @@ from tests.firmware.building import (
     CORTEX_M4F,
     FIRMWARE,
     IN_PARTS,
-    SMALLEST,
     answers,
     code_size,
     host,
@@ -48,12 +47,10 @@ _QEMU: Final = (
 
 
 def sizes() -> list[Row]:
-    """Return the bytes of code of each source, smallest first, and those of the state."""
-    small, code = code_size(objects(SMALLEST)), code_size(objects(CORTEX_M4F))
-    rows: list[Row] = [{"part": name, "-Oz": small[name], "-Os": code[name]} for name in code]
-    rows.append({"part": "all code", "-Oz": sum(small.values()), "-Os": sum(code.values())})
-    rows.append({"part": "state of an agent", "-Oz": state_size(), "-Os": state_size()})
-    return rows
+    """Return the bytes of code of each source, and those of the state."""
+    code = code_size(objects(CORTEX_M4F))
+    parts = {**code, "all code": sum(code.values()), "state of an agent": state_size()}
+    return [{"part": name, "bytes": size} for name, size in parts.items()]
 
 
 def comparison() -> list[Row]:
@@ -115,9 +112,9 @@ def _can_emulate() -> bool:
 
 
 def _image(folder: Path, program: str) -> Path:
-    """Build the image of a program, with the core's smallest code and headers of the folder."""
+    """Build the image of a program, with the core and headers of the folder."""
     image = folder / "image.elf"
-    sources = [*map(str, objects(SMALLEST)), str(_HERE / program)]
+    sources = [*map(str, objects(CORTEX_M4F)), str(_HERE / program)]
     script = [f"-I{folder}", "-T", str(_HERE / "cortex_m4.ld")]
     subprocess.run([*_GCC, *script, *sources, "-lm", "-o", str(image)], check=True)
     return image

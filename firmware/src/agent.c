@@ -104,7 +104,7 @@ SHARED static void disarm(sf_agent *agent) {
     if (agent->phase == SF_ARMED && agent->unsure <= CLOCK_PATIENCE) apply(agent, NOT_READY);
 }
 
-static void lose_clock(sf_agent *agent) {
+SHARED static void lose_clock(sf_agent *agent) {
     sf_clock_start_over(&agent->clock);
     disarm(agent);
 }
@@ -347,3 +347,5 @@ bool sf_may_leave(const sf_agent *agent, int64_t now_ns) {
     bool left = agent->phase == SF_DONE && is_silent(&agent->leader, now_ns, LEAVE_TIMEOUT);
     return left || agent->finished || agent->refused;
 }
+
+#include "core_end.h"

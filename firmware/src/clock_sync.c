@@ -118,3 +118,5 @@ bool sf_clock_within(const sf_clock *clock, int limit_ms) {
     int64_t below = sf_difference(clock->offset_ns, now.low_ns);
     return clock->good > 0 && (above > below ? above : below) <= limit_ms * MILLISECOND;
 }
+
+#include "core_end.h"

@@ -203,4 +203,11 @@ bool sf_close(sf_reader *reader); /* skips further fields; whether all was well 
 bool sf_is_id(const sf_reader *reader); /* whether the text is one */
 bool sf_is_named(const sf_reader *reader, const char *id); /* whether it is this one */
 
+/* What other compilers call -Os clang calls minsize; core_end.h ends it.  Code that may lie anywhere
+   would get a table of addresses by it. */
+#if defined(__clang__) && defined(__OPTIMIZE_SIZE__) && !defined(__PIC__)
+#define SF_MINSIZE
+#pragma clang attribute push(__attribute__((minsize)), apply_to = function)
+#endif
+
 #endif

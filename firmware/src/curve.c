@@ -150,3 +150,5 @@ int sf_measure_cell(sf_plan *plan, sf_curve *curve) {
     }
     return AGAIN;
 }
+
+#include "core_end.h"

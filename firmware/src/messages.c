@@ -278,3 +278,5 @@ int sf_speak(sf_agent *agent, int64_t now_ns, uint8_t *bytes, size_t *length) {
     *length = (size_t)(at - bytes);
     return kind;
 }
+
+#include "core_end.h"

@@ -30,3 +30,5 @@ SHARED sf_int sf_whole(sf_real value) { return (sf_int)sf_clamp(-LARGEST, value,
 sf_int sf_milli(sf_real value) { return sf_whole((R(1000) * value + UNIT) - UNIT); }
 
 sf_real sf_seconds_of_ns(int64_t ns) { return (sf_real)ns / R(1e9); }
+
+#include "core_end.h"

@@ -258,3 +258,5 @@ bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length) {
     while (SF_WORK == 0 && sf_is_reading(agent)) sf_read_plan(agent, 1);
     return true;
 }
+
+#include "core_end.h"

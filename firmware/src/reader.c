@@ -32,7 +32,7 @@ static bool lacks(const sf_reader *reader, uint32_t bytes) {
     return bytes > (size_t)(reader->end - reader->at);
 }
 
-SHARED static void pass(sf_reader *reader, uint32_t bytes) {
+static void pass(sf_reader *reader, uint32_t bytes) {
     if (lacks(reader, bytes)) fail(reader);
     else reader->at += bytes;
 }
@@ -146,3 +146,5 @@ bool sf_is_named(const sf_reader *reader, const char *id) {
         if (*id++ != (char)*text++) return false;
     return *id == 0;
 }
+
+#include "core_end.h"

@@ -72,7 +72,7 @@ SHARED static bool lasts(const sf_course *course, int what) {
     return course->watch - course->since[what] >= REST_TIME;
 }
 
-static bool is_stuck(const sf_course *course) { return lasts(course, SF_STUCK); }
+SHARED static bool is_stuck(const sf_course *course) { return lasts(course, SF_STUCK); }
 
 static void limit_authority(sf_course *course) {
     course->authority = sf_least(told(course, course), course->rests);
@@ -367,3 +367,5 @@ void sf_stand(sf_course *course) {
     sf_find(course);
     course->speed = course->curvature = course->distance = R(0);
 }
+
+#include "core_end.h"

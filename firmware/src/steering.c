@@ -181,3 +181,5 @@ void sf_steer(sf_course *course) {
     }
     course->curvature = sf_clamp(bend, -SHARPEST, SHARPEST);
 }
+
+#include "core_end.h"

@@ -56,3 +56,5 @@ sf_real sf_rest_until(sf_timeline *line, sf_real time) {
     if (time < leg->t0) return leg->t0;
     return time >= leg->t1 && !is_last(line, leg) ? leg[1].t0 : time;
 }
+
+#include "core_end.h"

@@ -32,9 +32,6 @@ CORTEX_M4F: Final = (
     "-fno-sanitize=undefined", "-fno-unwind-tables", "-fno-asynchronous-unwind-tables",
 )  # fmt: skip
 
-SMALLEST: Final = (*CORTEX_M4F, "-Xclang", "-Oz")
-"""The smallest code that clang makes; zig takes a bare -Oz for -Os."""
-
 SANITIZED: Final = ("-O1", "-g", "-fsanitize=undefined", "-fsanitize-trap=undefined")
 
 ROOMY: Final = ("-DSF_POINTS=450", "-DSF_STOPS=300", "-DSF_SPEEDS=720", "-DSF_BYTES=4000")

@@ -1,0 +1,5 @@
+/* The end of a source file of the core: ends what core.h begins. */
+
+#ifdef SF_MINSIZE
+#pragma clang attribute pop
+#endif
