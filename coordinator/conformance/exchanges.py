@@ -6,6 +6,7 @@ Decides: which requirements each exchange tries, and when they hold.  Must not k
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Final, NamedTuple
 
 import msgspec
@@ -45,6 +46,8 @@ SLOW: Final = 200 * MILLISECOND
 """An answer to a question about the time takes so long that the time is not known from it: from
 the first one on, so that a robot does not know it before that is tried."""
 
+READING: Final = 3 * SECOND
+"""How long [ns] a small robot may read a Plan, a part in each tick."""
 
 PERSON: Final = 120 * SECOND
 """How long [ns] a person has to start the robot's program again."""
@@ -75,6 +78,8 @@ def _hello(exam: Exam) -> Script:
         stage.bad_plan = payload
         hellos, since = len(stage.hellos), len(stage.reports)
         yield from exam.pause(900)
+        if number == "PLAN-2":
+            yield Until(partial(_is_refused, exam, since), READING)
         report = stage.report
         took = report is not None and report.epoch != 0
         exam.judge(number, not took, f"holds a plan with {what}")
@@ -84,11 +89,15 @@ def _hello(exam: Exam) -> Script:
             yield from exam.pause(1_500)
             return
         if number == "PLAN-2":
-            said = [one.message for one in stage.reports[since:]]
-            faults = {one.fault for one in said if isinstance(one, Report)}
             text = f"{exam.said_phase()} for a plan with {what}"
-            exam.judge(number, BAD_PLAN in faults, text)
+            exam.judge(number, _is_refused(exam, since), text)
     stage.bad_plan = None
+
+
+def _is_refused(exam: Exam, since: int) -> bool:
+    """Return whether a Report since the one of this number says that the plan is not valid."""
+    said = [one.message for one in exam.stage.reports[since:]]
+    return any(isinstance(one, Report) and one.fault == BAD_PLAN for one in said)
 
 
 def _too_short(plan: Plan) -> Plan:

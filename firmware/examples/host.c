@@ -95,21 +95,21 @@ static void begin(char *rest) {
 int main(void) {
     while (fgets(line, sizeof line, stdin)) {
         char *rest = line + strcspn(line, " \n");
-        size_t word = (size_t)(rest - line);
         line[strcspn(line, "\n")] = 0;
-        if (strncmp(line, "robot", word) == 0) {
+        if (*rest) *rest++ = 0;
+        if (strcmp(line, "robot") == 0) {
             begin(rest);
-        } else if (strncmp(line, "command", word) == 0) {
+        } else if (strcmp(line, "command") == 0) {
             hear(SF_COMMAND, rest);
-        } else if (strncmp(line, "plan", word) == 0) {
+        } else if (strcmp(line, "plan") == 0) {
             hear(SF_PLAN, rest);
-        } else if (strncmp(line, "clock", word) == 0) {
+        } else if (strcmp(line, "clock") == 0) {
             hear(SF_CLOCK, rest);
-        } else if (strncmp(line, "tick", word) == 0) {
+        } else if (strcmp(line, "tick") == 0) {
             tick(rest);
-        } else if (strncmp(line, "failed", word) == 0) {
+        } else if (strcmp(line, "failed") == 0) {
             sf_driver_failed(&agent, strtoll(rest, NULL, 10));
-        } else if (strncmp(line, "size", word) == 0) {
+        } else if (strcmp(line, "size") == 0) {
             printf("size %zu\n", sizeof agent);
         } else {
             return 2;

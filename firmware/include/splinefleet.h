@@ -13,6 +13,10 @@
 
 #include "splinefleet_state.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 enum { SF_IDLE, SF_ARMED, SF_MOVING, SF_BRAKING, SF_FROZEN, SF_DONE }; /* agent->phase */
 enum { SF_NO_FAULT, SF_OFF_PATH, SF_DRIVER_ERROR, SF_CLOCK_UNSURE, SF_BAD_PLAN }; /* ->fault */
 
@@ -75,5 +79,9 @@ static inline bool sf_coordinator_time(const sf_agent *agent, int64_t now_ns, in
     *time_ns = now_ns + agent->clock.offset_ns;
     return agent->clock.good > 0;
 }
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

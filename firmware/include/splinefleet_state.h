@@ -39,6 +39,10 @@ typedef float sf_real;
 #define SF_WORK 24 /* work per tick on reading a Plan, in units of up to 80 instructions; 0: all at once */
 #endif
 
+#if SF_CELLS < SF_POINTS
+#error "SF_CELLS is less than SF_POINTS: no cell would be left for a span"
+#endif
+
 #define SF_DEGREE 7 /* the highest degree on the wire */
 #define SF_QUESTIONS 16 /* about the time, that may be open at once */
 #define SF_REPORTED 5 /* numbers whose change is reported at once */

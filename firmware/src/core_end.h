@@ -2,4 +2,5 @@
 
 #ifdef SF_MINSIZE
 #pragma clang attribute pop
+#undef SF_MINSIZE
 #endif

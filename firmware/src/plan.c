@@ -42,8 +42,7 @@ static const uint8_t *stop_at(const sf_plan *plan, unsigned i) {
 }
 
 static int64_t departure_ns(const uint8_t *stop) {
-    uint64_t bits = (uint64_t)word(stop + 8) << 32 | word(stop + 4);
-    return bits >> 63 ? -(int64_t)~bits - 1 : (int64_t)bits;
+    return (int64_t)((uint64_t)word(stop + 8) << 32 | word(stop + 4));
 }
 
 /* Read the fields, and check what has to hold for the message to be acceptable. */
@@ -54,8 +53,8 @@ static int read_fields(sf_plan *plan, const sf_robot *robot) {
     sf_get_text(&reader);
     if (!sf_is_named(&reader, robot->id)) return FAILED;
     sf_get_fields(&reader, plan, fields);
-    if (plan->tau_ns < 0 || plan->tau_ns > 1000 * SECOND || plan->track_mm > UINT16_MAX) return FAILED;
-    if (plan->clock_ms < 1 || plan->clock_ms > UINT16_MAX) return FAILED;
+    if ((uint64_t)plan->tau_ns > 1000 * SECOND || plan->clock_ms < 1) return FAILED;
+    if ((plan->track_mm | plan->clock_ms) > UINT16_MAX) return FAILED;
     if (plan->degree < 1 || plan->degree > SF_DEGREE) return FAILED;
     for (int field = 0; field < FIELDS_PACKED; field++) {
         unsigned size = SIZES[field][0];
@@ -192,7 +191,6 @@ SHARED static int add_legs(sf_plan *plan, sf_timeline *line) {
     line->most_v = sf_most(line->most_v, leg->v);
     if (leg + 1 == line->end) return plan->stop == plan->counts[PACKED_STOPS] ? NEXT : FAILED;
     sf_real end_s = leg[1].s, slope = sf_slope(leg);
-    if (!(end_s > leg->s)) return FAILED;
     for (; plan->stop < plan->counts[PACKED_STOPS]; plan->stop++) {
         const uint8_t *stop = stop_at(plan, plan->stop);
         sf_real s = real(stop);
@@ -203,7 +201,8 @@ SHARED static int add_legs(sf_plan *plan, sf_timeline *line) {
             sf_real v = SF_SQRT(sf_positive(leg->v * leg->v + slope * (s - leg->s)));
             if (!add_knot(line, s, v, true) || !sf_timeline_leg(line)) return FAILED;
         }
-        sf_real departs = sf_seconds_of_ns(departure_ns(stop) - plan->course->origin_ms * MILLISECOND);
+        int64_t origin_ns = plan->course->origin_ms * MILLISECOND;
+        sf_real departs = sf_seconds_of_ns(sf_difference(departure_ns(stop), origin_ns));
         if (!(sf_abs(departs) < R(1e6))) return FAILED;
         line->finish = sf_most(line->finish, departs);
     }

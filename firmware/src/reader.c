@@ -22,7 +22,7 @@ static const uint8_t HEADS[32] = {
     KIND(ARRAY, 2), KIND(ARRAY, 4), KIND(MAP, 2), KIND(MAP, 4),
 };
 
-SHARED static uint64_t fail(sf_reader *reader) {
+static uint64_t fail(sf_reader *reader) {
     reader->bad = true;
     reader->at = reader->end;
     return 0;
@@ -121,7 +121,7 @@ bool sf_close(sf_reader *reader) {
         case ARRAY: left += size; break;
         case INTEGER:
         case NIL: break;
-        default: pass(reader, (uint32_t)size);
+        default: pass(reader, size > UINT16_MAX ? UINT32_MAX : (uint32_t)size);
         }
     }
     return !reader->bad && reader->at == reader->end;
@@ -142,9 +142,9 @@ bool sf_is_id(const sf_reader *reader) {
 
 bool sf_is_named(const sf_reader *reader, const char *id) {
     const uint8_t *text = reader->content;
-    for (uint32_t length = reader->length; length > 0; length--)
-        if (*id++ != (char)*text++) return false;
-    return *id == 0;
+    const uint8_t *end = text + reader->length;
+    while (*id && text < end && *id == (char)*text) id++, text++;
+    return *id == 0 && text == end;
 }
 
 #include "core_end.h"

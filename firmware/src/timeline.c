@@ -11,10 +11,10 @@ SHARED sf_real sf_slope(const sf_knot *leg) {
 
 bool sf_timeline_leg(sf_timeline *line) {
     sf_knot *leg = line->next;
-    sf_real both = leg->v + leg[1].v;
-    if (!(both > R(0))) return false;
+    sf_real both = leg->v + leg[1].v, driven = leg[1].s - leg->s;
+    if (!(both > R(0)) || !(driven > R(0))) return false;
     leg->t0 = line->finish;
-    leg->t1 = line->finish = leg->t0 + R(2) * (leg[1].s - leg->s) / both;
+    leg->t1 = line->finish = leg->t0 + R(2) * driven / both;
     line->next++;
     return true;
 }
