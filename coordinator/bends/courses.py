@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from coordinator.base.errors import PlanError
+from coordinator.base.kept import kept
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.ground.free_space import Space
 from coordinator.motion.slowing import Slow, slowed
@@ -153,12 +154,17 @@ def may_bend(robot: Robot) -> bool:
 
 def _sampled(path: Nurbs, motion: Motion, radius: float) -> Array:
     """Return samples (n, 5) of a motion; their columns are X to RADIUS of traffic_kernels."""
-    count = max(int(path.length / _STEP), 1)
-    borders = np.linspace(0.0, path.length, count + 1)
-    places = np.concatenate(([0.0], 0.5 * (borders[1:] + borders[:-1]), [path.length]))
-    inner = borders[1:-1]
+    inner, points = _places_on(path)
     leaves = motion.start_time
     begin = np.concatenate(([-math.inf, leaves], motion.reached(inner), [motion.finish]))
     end = np.concatenate(([leaves], motion.left(inner), [motion.finish, math.inf]))
-    points = path.at_arc(places)
-    return np.column_stack((points, begin, end, np.full(len(places), radius)))
+    return np.column_stack((points, begin, end, np.full(len(points), radius)))
+
+
+@kept
+def _places_on(path: Nurbs) -> tuple[Array, Array]:
+    """Return arc lengths [m] between samples, and the places (n, 2) [m] of samples on a path."""
+    count = max(int(path.length / _STEP), 1)
+    borders = np.linspace(0.0, path.length, count + 1)
+    places = np.concatenate(([0.0], 0.5 * (borders[1:] + borders[:-1]), [path.length]))
+    return borders[1:-1], path.at_arc(places)

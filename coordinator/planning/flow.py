@@ -114,23 +114,26 @@ def find_flow(
             junctions = junctions.with_track(index, courses[index].track)
     if not place_again(junctions, motions, met, priorities):
         return None
-    _replace_needless_rests(junctions, motions, priorities)
+    owned = _without_needless_rests(junctions, motions, priorities)
     return Flow(
         [one.path for one in courses],
         [one.track for one in courses],
         junctions,
-        with_owners(junctions, motions.all(), all_waits=True),
+        owned,
         sum(one.path is not path for one, path in zip(courses, paths, strict=True)),
         search.is_crowded,
     )
 
 
-def _replace_needless_rests(
+def _without_needless_rests(
     junctions: Junctions, motions: Motions, priorities: Sequence[int]
-) -> None:
-    """Plan robots again that have a wait which no zone forces."""
+) -> list[Motion]:
+    """Plan robots again that have a wait which no zone forces; return all motions with owners."""
     found = motions.all()
     order = sorted(range(len(found)), key=lambda one: (-priorities[one], found[one].finish))
     owned = with_owners(junctions, found, all_waits=True)
     needless = [one for one in order if any(wait.owner < 0 for wait in owned[one].waits)]
+    if not needless:
+        return owned
     Improvement(junctions, motions, order, priorities).plan_again(needless)
+    return with_owners(junctions, motions.all(), all_waits=True)
