@@ -28,7 +28,7 @@ from protocol.messages import (
 )
 from protocol.phases import BRAKING, DONE, FREEZE, FROZEN, GO, HOLD, IDLE, MOVING, PHASE_NAMES
 from protocol.plan_parts import unpack_plan
-from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
+from protocol.timing import COMMAND_PERIOD, LEAVE_TIMEOUT, MILLISECOND, SECOND
 from protocol.transport import Transport
 from robot_agent.blackbox import BlackBox
 from robot_agent.core.agent import Agent
@@ -125,10 +125,10 @@ def run_robot(
         began = clock()
         told = PHASE_NAMES[IDLE]
         reason = Lasting()
-        gave_up = False
+        gave_up, silent_ns = False, 0
 
         def tick(now_ns: int) -> bool:
-            nonlocal told, gave_up
+            nonlocal told, gave_up, silent_ns
             going = service.tick(now_ns)
             if (state := service.describe()) != told:
                 told = state
@@ -157,6 +157,8 @@ def run_robot(
         raise RefusedError(service.refusal)
     if gave_up:
         tell(f"{robot.id}: gave up, heard no coordinator for {give_up_ns / SECOND:g} s")
+    elif silent_ns > LEAVE_TIMEOUT:
+        tell(f"{robot.id}: ends at its goal, heard no coordinator for {LEAVE_TIMEOUT / SECOND:g} s")
     return 1 if gave_up else 0
 
 

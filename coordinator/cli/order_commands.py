@@ -20,6 +20,7 @@ from coordinator.cli.option_checks import (
     named,
     not_with,
     numbers_of,
+    only_with,
     place_of,
     within,
 )
@@ -116,7 +117,11 @@ def order(
     ] = None,
     now: Annotated[
         bool,
-        typer.Option("--now", help="The robot leaves what it does for this order."),
+        typer.Option(
+            "--now",
+            callback=only_with("robot", "vda5050"),
+            help="The robot leaves what it does for this order.",
+        ),
     ] = False,
     wait: Annotated[
         bool, typer.Option("--wait", help="Wait until the order is over; tell its states.")
@@ -134,7 +139,6 @@ def order(
     """
     wanted = _wanted(to, via or [], dwell, vda5050)
     name, whose = order_id or wanted.id, robot or wanted.robot
-    _tell_if_nobody_leaves(now, whose)
     state: OrderState | None = None
     is_over = False
     with fleet_line(connect, fleet, patience, keys) as line:
@@ -177,14 +181,6 @@ def order(
     if wait and not is_over:
         tell("the coordinator has ended, or is not heard any more", "red")
         raise typer.Exit(1)
-
-
-def _tell_if_nobody_leaves(now: bool, robot: str) -> None:
-    """Tell that no robot leaves what it does for an order with --now that names none."""
-    if now and not robot:
-        tell(
-            "--now has no effect without --robot: the coordinator takes one that is free", "yellow"
-        )
 
 
 def _refuse_another(message: Message, wish: Order) -> None:

@@ -121,7 +121,7 @@ def read_body(kind: type[Body], data: bytes) -> Body:
     """Read a body from JSON; raise InputError with all that is wrong, one line for each field."""
     try:
         value = msgspec.json.decode(data or b"{}")
-    except (msgspec.DecodeError, RecursionError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError([f"the body is not JSON: {error}"]) from None
     if not isinstance(value, dict):
         raise InputError(["the body is not a JSON object"])

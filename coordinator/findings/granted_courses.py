@@ -29,6 +29,7 @@ from protocol.messages import (
     CANCELLED,
     ORDER_DONE,
     REFUSED,
+    UNDER_WAY,
     Join,
     Message,
     OrderState,
@@ -58,6 +59,8 @@ class GrantedCourses(Granted):
         """The robots that others go around: they are granted nothing more."""
 
         self._found: dict[str, tuple[int, frozenset[str]]] = {}
+        self._coming: set[str] = set()
+        """Robots that join and have a course, which is sent to them once they are heard."""
         """By robot: the revision of the course found last, and whom others went around then."""
 
         self._rests: dict[str, Rest] = {}
@@ -129,7 +132,10 @@ class GrantedCourses(Granted):
                 message.id.removeprefix(one) if message.id.startswith(one) else ""
                 for one in (JOIN, LEAVE)
             )
-            is_refused = message.state == REFUSED and joins not in self._ways
+            if joins and message.state == UNDER_WAY:
+                self._coming.add(joins)
+            has_course = joins in self._ways or joins in self._coming
+            is_refused = message.state == REFUSED and not has_course  # Else it counts as lost.
             if leaves and message.state == ORDER_DONE:
                 self._take_out(leaves)
             elif joins and (message.state == CANCELLED or is_refused):
@@ -139,6 +145,7 @@ class GrantedCourses(Granted):
         """Take in that a robot has left the fleet; when it joins again, it may be another one."""
         self.leave(robot)
         self._ways.pop(robot, None)
+        self._coming.discard(robot)
         self._around.discard(robot)
         self._rests.pop(robot, None)
         self._radius.pop(robot, None)

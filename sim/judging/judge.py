@@ -339,19 +339,26 @@ def tracking_error(driven: Driven, box: BlackBox) -> float:
 
 
 def _lateness(driven: Driven, box: BlackBox) -> float:
-    """Return the greatest delay [s] of the robot behind its plan while it was under way."""
+    """Return the greatest delay [s] of the robot behind its plan while it was under way.
+
+    Once it is at the end, what it does later belongs to its next course.
+    """
     legs = driven.timeline
     knots_t = np.column_stack((legs.t0, legs.t1)).ravel()
     knots_s = np.column_stack((legs.s0, legs.s1)).ravel()
     fine_t = np.linspace(0.0, legs.finish, 2 + int(legs.finish / 0.01))
     fine_t = np.union1d(fine_t, knots_t)
     fine_s = np.maximum.accumulate([legs.s_at(t) for t in fine_t])
-    moving = [phase == PHASE_NAMES[MOVING] for phase in box.phases]
-    if not any(moving) or len(knots_s) == 0:
+    is_at_end = box.s + 1e-4 >= driven.curve.length
+    comes_there = is_at_end & np.append(False, ~is_at_end[:-1])
+    phases = np.array(box.phases)
+    was_done = np.logical_or.accumulate(phases == PHASE_NAMES[DONE])
+    counts = (phases == PHASE_NAMES[MOVING]) & ~was_done & (~is_at_end | comes_there)
+    if not counts.any() or len(knots_s) == 0:
         return 0.0
-    reached = np.minimum(box.s[moving] + 1e-4, driven.curve.length)
+    reached = np.minimum(box.s[counts] + 1e-4, driven.curve.length)
     due = np.interp(reached, *_latest(fine_s, fine_t))
-    return float(max(0.0, np.max(box.t[moving] - due)))
+    return float(max(0.0, np.max(box.t[counts] - due)))
 
 
 def _latest(s: Array, t: Array) -> tuple[Array, Array]:

@@ -383,14 +383,15 @@ def test_bytes_that_mean_nothing_and_plans_for_others_do_no_harm():
     assert hall.run() == 0
 
 
-def test_a_robot_at_its_goal_leaves_when_the_fleet_has_gone():
-    hall = Hall()
+def test_a_robot_at_its_goal_leaves_when_the_fleet_has_gone_and_says_so():
+    hall, told = Hall(), []
 
     def fall_silent() -> None:
         hall.silent = True
 
     hall.reactions[DONE] = fall_silent
-    assert hall.run() == 0
+    assert hall.run(tell=told.append) == 0
+    assert told[-1] == f"{ME}: ends at its goal, heard no coordinator for 10 s"
 
 
 def test_an_interrupted_robot_stops_its_motors_closes_and_says_130(tmp_path):

@@ -163,6 +163,7 @@ def test_all_that_is_wrong_with_an_order_is_told_at_once(desk):
         ("POST", "api/orders", b"{", 400),
         ("POST", "api/orders", b"[]", 400),
         ("POST", "api/orders", b"\xff\xfe", 400),
+        ("POST", "api/orders", b'{"\xa8": 1}', 400),
         ("POST", "api/orders", b"[" * 90_000, 400),
         ("POST", "api/orders", b" " * 100_001, 413),
     ],

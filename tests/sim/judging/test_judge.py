@@ -72,6 +72,15 @@ def test_robots_that_keep_to_the_plan_are_judged_well(document):
         assert robot.fault == ""
 
 
+def test_a_robot_that_sets_out_again_long_after_its_arrival_is_not_late(document):
+    boxes = {}
+    for name, box in driven_boxes(document).items():
+        t = np.append(box.t, box.t[-1] + 10.0)
+        places, s = np.vstack((box.places, box.places[-1:])), np.append(box.s, box.s[-1])
+        boxes[name] = BlackBox(t, places, s, (*box.phases, "moving"))
+    assert max(robot.lateness for robot in judge_boxes(document, boxes).robots) < 0.02
+
+
 @pytest.mark.parametrize("late", [0.2, 3.0])
 def test_lateness_is_no_tracking_error_but_is_told(document, late):
     verdict = judge_boxes(document, driven_boxes(document, shift=late))

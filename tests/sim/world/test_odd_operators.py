@@ -172,6 +172,26 @@ def test_a_robot_that_joins_and_is_never_heard_is_lost_and_holds_up_no_end():
     assert world.fleet.phase == OVER
 
 
+def test_a_robot_that_is_heard_only_after_its_join_was_given_up_gets_its_course_proven(tmp_path):
+    logs = RunLogs(tmp_path)
+    world = a_hall(logs=logs)
+    say = operator(world)
+    world.run(1.0)
+    say(R9)
+    world.run(80.0)
+    assert states(world) == {"join-R9": REFUSED}
+    world.add("R9", 0.25, 0.8, 77)
+    world.run(10.0)
+    assert not world.fleet.members["R9"].lost
+    say(Leave(9, "R9"))
+    world.run(5.0)
+    say(Tell(9, END))
+    world.run(100.0)
+    logs.close()
+    log = read_log(logs.paths[-1])
+    assert prove_log(log, before=logs_before(log)).holds
+
+
 def test_a_robot_upon_which_a_place_is_closed_while_it_joins_has_joined():
     world = a_hall()
     say = operator(world)
