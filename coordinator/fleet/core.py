@@ -118,7 +118,9 @@ class Fleet(OperatedFleet):
         self._looked_ns = now_ns
         if passed_ns > AWAY or self._router.is_down:
             patience = RETURN_PATIENCE if was_away else 0
-            self._excuse(now_ns + patience, passed_ns if self.phase == GO else 0)
+            lost_ns = passed_ns if self.phase == GO else 0
+            before_ns = None if self._router.is_down else now_ns - passed_ns
+            self._excuse(now_ns + patience, lost_ns, before_ns)
         if was_away:
             text = f"the coordinator was away for {passed_ns / SECOND:.1f} s"
             self._tell(now_ns, "away", "", text)

@@ -70,7 +70,7 @@ class OperatedFleet(FleetState):
         """Let a fleet that was stopped go on; the plan goes on where it was when it was stopped."""
         if self.phase == STOP:
             self.times.put_off(now_ns + GO_LEAD - self._stopped_ns)
-            self._excuse(now_ns)
+            self._excuse(now_ns, before_ns=now_ns)
         self._turn("told to go on", now_ns, by)
         return self._commands(now_ns)
 

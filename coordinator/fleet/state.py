@@ -230,13 +230,14 @@ class FleetState:
                 member.lost = member.gone = False
             self._excuse(self._patient_until_ns, RESUME_PATIENCE)
 
-    def _excuse(self, until_ns: int, lost_ns: int = 0) -> None:
+    def _excuse(self, until_ns: int, lost_ns: int = 0, before_ns: int | None = None) -> None:
         """Take in that robots could not be heard: silence counts only from then on.
 
-        `lost_ns`: for how much of the plan's time they could not.
+        `lost_ns`: for how much of the plan's time they could not.  Those that were silent at
+        `before_ns` are not excused.
         """
         for member in self.members.values():
-            if not member.lost:
+            if not member.lost and (before_ns is None or not member.is_silent(before_ns)):
                 member.excused_ns = max(member.excused_ns, until_ns)
         self.grants.standstills.excuse(lost_ns // MILLISECOND)
 

@@ -172,6 +172,24 @@ def test_a_robot_that_joins_and_is_never_heard_is_lost_and_holds_up_no_end():
     assert world.fleet.phase == OVER
 
 
+def test_a_dead_robot_at_rest_is_not_taken_for_heard_when_the_next_coordinator_hangs(tmp_path):
+    hangs = ["coordinator-hang@16:0.7", "coordinator-hang@22:4"]
+    logs = RunLogs(tmp_path)
+    world = a_hall(faults=["kill:R2@1", "coordinator-restart@4:2", *hangs], logs=logs)
+    world.run(14.0)
+    say = operator(world)
+    say(Said(9, "there", (10.0, 5.0), robot="R2"))
+    for k in range(200):
+        world.run(0.1)
+        assert world.fleet.members["R2"].is_silent(world.now_ns)
+        if k == 30:
+            say(Tell(9, HALT))
+        if k == 35:
+            say(Tell(9, GO_ON))
+    assert states(world) == {"there": WAITING}
+    logs.close()
+
+
 def test_a_robot_that_is_heard_only_after_its_join_was_given_up_gets_its_course_proven(tmp_path):
     logs = RunLogs(tmp_path)
     world = a_hall(logs=logs)
