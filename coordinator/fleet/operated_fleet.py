@@ -133,7 +133,14 @@ class OperatedFleet(FleetState):
                 x, y = robot.start[:2]
                 what = f"{join.robot} joins at ({x:g}, {y:g}){_by(join)}"
                 self._tell(now_ns, "order", join.robot, what)
+        elif task.state == REFUSED and self._has_part(join.robot, now_ns):
+            task.state, task.reason = ORDER_DONE, ""  # It was given up, and was heard after all.
         return [self._order_state(task.message()), *self.order_states()]
+
+    def _has_part(self, robot: str, now_ns: int) -> bool:
+        """Return whether a robot is in the fleet, has a course, and is heard."""
+        member = self.members.get(robot)
+        return member is not None and member.planned and not member.is_silent(now_ns)
 
     def _why_not_join(self, join: Join) -> str:
         """Return in words why a robot cannot join now; "" if it can."""

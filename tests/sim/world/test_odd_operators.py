@@ -201,6 +201,9 @@ def test_a_robot_that_is_heard_only_after_its_join_was_given_up_gets_its_course_
     world.add("R9", 0.25, 0.8, 77)
     world.run(10.0)
     assert not world.fleet.members["R9"].lost
+    say(R9)
+    world.run(0.5)
+    assert states(world) == {"join-R9": ORDER_DONE}
     say(Leave(9, "R9"))
     world.run(5.0)
     say(Tell(9, END))
