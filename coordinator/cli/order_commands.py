@@ -44,9 +44,15 @@ from protocol.messages import (
     OrderState,
     Tell,
 )
-from protocol.phases import COMMAND_NAMES, FREEZE, GO, OVER, STOP
+from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD, OVER, STOP
 
 commands = typer.Typer()
+
+_STANDS: Final = {
+    HOLD: "the fleet has not set out yet",
+    STOP: "the fleet is stopped: splinefleet resume lets it go on",
+}
+"""Why all orders wait, by the phase of the fleet."""
 
 _IN_FILE: Final = ", because the file states it"
 _SETTLES_S: Final = 1.5
@@ -140,7 +146,7 @@ def order(
     wanted = _wanted(to, via or [], dwell, vda5050)
     name, whose = order_id or wanted.id, robot or wanted.robot
     state: OrderState | None = None
-    is_over = False
+    is_over, phase = False, GO
     with fleet_line(connect, fleet, patience, keys) as line:
         wish = Order(
             boot=line.boot,
@@ -173,14 +179,15 @@ def order(
                 break
             if state is None and time.monotonic() - began > patience:
                 break
-            if isinstance(message, Command) and message.phase == OVER and state is not None:
+            phase = message.phase if isinstance(message, Command) else phase
+            if phase == OVER and state is not None:
                 break
     if state is None:
         raise line.unanswered(f"order {name}")
+    if state.state == WAITING and phase in _STANDS:
+        tell(_STANDS[phase], "yellow")
     _conclude(name, state, as_json)
-    if wait and not is_over:
-        tell("the coordinator has ended, or is not heard any more", "red")
-        raise typer.Exit(1)
+    _fail_if_cut_off(wait and not is_over)
 
 
 def _refuse_another(message: Message, wish: Order) -> None:
@@ -189,6 +196,13 @@ def _refuse_another(message: Message, wish: Order) -> None:
         from coordinator.view.order_lines import another_order
 
         tell(another_order(message), "red")
+        raise typer.Exit(1)
+
+
+def _fail_if_cut_off(is_cut_off: bool) -> None:
+    """Exit with code 1 if an order that is waited for is not over."""
+    if is_cut_off:
+        tell("the coordinator has ended, or is not heard any more", "red")
         raise typer.Exit(1)
 
 

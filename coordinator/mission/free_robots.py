@@ -7,7 +7,7 @@ no robot is named.  Must not know: how courses are found, when an order is refus
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 import numpy as np
@@ -94,25 +94,38 @@ class FreeRobots:
     def assigned(self, tasks: list[Task], ready: list[str], now_ns: int) -> list[tuple[Task, str]]:
         """Return which orders robots get that are idle, or will be soon.
 
-        First those that name them, then others.
+        First those of the highest priority; of equal ones those that name their robots, then
+        others, for which no robot is taken that a waiting order of this priority names.
         """
         free = {name: None for name in ready if not self._searches.has(name)}
+        wanted: dict[str, float] = {}
+        for one in self._fleet.orders.waiting():
+            robot = one.order.robot
+            wanted[robot] = max(wanted.get(robot, -math.inf), _priority(one))
         pairs = []
-        for task in tasks:
-            if task.order.robot in free:
-                del free[task.order.robot]
-                pairs.append((task, task.order.robot))
-        named = {one.order.robot for one in self._fleet.orders.waiting()}
-        names = [name for name in free if name not in named]
-        others = [task for task in tasks if not task.order.robot]
-        if others and names:
-            cost = np.array(
-                [[self._time_to(name, task, now_ns) for name in names] for task in others]
-            )
-            for row, column in zip(*linear_sum_assignment(cost), strict=True):
-                if cost[row, column] < _NEVER:
-                    pairs.append((others[row], names[column]))
+        for priority in sorted(set(map(_priority, tasks)), reverse=True):
+            equal = [task for task in tasks if _priority(task) == priority]
+            for task in equal:
+                if task.order.robot in free:
+                    del free[task.order.robot]
+                    pairs.append((task, task.order.robot))
+            names = [name for name in free if wanted.get(name, -math.inf) < priority]
+            others = [task for task in equal if not task.order.robot]
+            for task, robot in self._soonest(others, names, now_ns):
+                del free[robot]
+                pairs.append((task, robot))
         return pairs
+
+    def _soonest(
+        self, tasks: list[Task], names: list[str], now_ns: int
+    ) -> Iterator[tuple[Task, str]]:
+        """Yield orders with the robots that do them soonest in total."""
+        if not (tasks and names):
+            return
+        cost = np.array([[self._time_to(name, task, now_ns) for name in names] for task in tasks])
+        for row, column in zip(*linear_sum_assignment(cost), strict=True):
+            if cost[row, column] < _NEVER:
+                yield tasks[row], names[column]
 
     def _time_to(self, robot: str, task: Task, now_ns: int) -> float:
         """Return how long [s] a robot would take straight to an order's goal; _NEVER: it cannot.
@@ -126,3 +139,8 @@ class FreeRobots:
         left_ms = max((self._fleet.grants.arrival_ms(robot, now_ms) or now_ms) - now_ms, 0)
         far = math.dist(place, task.order.goal[:2])
         return 0.001 * left_ms + far / self._robots[robot].max_speed
+
+
+def _priority(task: Task) -> float:
+    """Return the priority of an order; robots that make room go before all others."""
+    return math.inf if task.makes_room else task.order.priority

@@ -734,6 +734,26 @@ def test_an_order_without_a_robot_goes_to_one_that_will_be_there_first_though_it
     assert set(states(world).values()) == {ORDER_DONE}
 
 
+@pytest.mark.parametrize(("priority", "is_last"), [(0, True), (5, False)])
+def test_an_order_of_a_higher_priority_waits_for_no_others_that_name_robots(priority, is_last):
+    ends = [(3.0, 1.0), (1.0, 1.0)], [(3.0, 5.0), (1.0, 5.0)]
+    named = [
+        Order(id=f"{name}-{count}", goal=goal, robot=name)
+        for count in (0, 1)
+        for name, goals in zip(("R1", "R2"), ends, strict=True)
+        for goal in goals[count : count + 1]
+    ]
+    other = Order(id="any", goal=(10.0, 3.0), priority=priority, release=1.0)
+    world = a_world(
+        long_hall(idle("R1", (1.0, 1.0)), idle("R2", (1.0, 5.0)), orders=(*named, other))
+    )
+    world.run(120.0)
+    tasks = world.fleet.orders.tasks
+    assert set(states(world).values()) == {ORDER_DONE}
+    began = sorted(tasks, key=lambda name: tasks[name].accepted_ms or 0)
+    assert (began[-1] == "any") == is_last
+
+
 @pytest.mark.parametrize("which", [0, 1])
 def test_an_order_is_cancelled_while_its_robot_has_courses_for_two(tmp_path, which):
     logs = RunLogs(tmp_path)
