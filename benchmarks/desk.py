@@ -97,6 +97,7 @@ def _beside(what: str, talk: Talk, seconds: float) -> Row:
         for order in _asked(place, "GET", "api/orders")[1] or []:
             if order["state"] in ("waiting", "under way"):
                 _asked(place, "DELETE", f"api/orders/{order['id']}")
+        _asked(place, "POST", "api/resume")  # Nonsense may have stopped the fleet.
         asked = time.monotonic()
         status, _ = _asked(place, "POST", "api/end")
         answered = time.monotonic() - asked
