@@ -137,7 +137,7 @@ def traffic_for(
 ) -> Traffic:
     """Return the samples of the courses that the first robot of a scenario may meet on its way.
 
-    It meets none that it would have to go so far out of its way for that it arrives too late.
+    Courses so far off that the robot would arrive too late if it went there are left out.
     `boxes`: those around `others`; `late`: how late [s] they may be.  times.leaves counts as 0.
     """
     robot, zero, tau = finder.scenario.robots[0], times.leaves, times.tau + _PAD

@@ -92,9 +92,9 @@ class Boxes:
         return np.asarray(np.minimum.reduceat(nearest, self._first) - self._bound)
 
     def ways_by(self, a: Array, b: Array) -> Array:
-        """Return how long [m] a way from a place to another is at least that touches each path.
+        """Return lower bounds (n,) [m] on the length of ways from a to b that touch each path.
 
-        a, b (2,) [m]; the result is (n,).
+        a, b: places (2,) [m].
         """
         if not len(self.radii):
             return np.zeros(0)
