@@ -98,7 +98,7 @@ def _run(commands: typer.Typer) -> int:
     import typer
 
     from coordinator.base.console import tell
-    from coordinator.base.errors import InputError, LogError, PlanError
+    from coordinator.base.errors import ClusterError, InputError, LogError, PlanError
     from coordinator.cli.quick_options import read_quickly
     from coordinator.cli.usage import usage_lines
     from protocol.transport import NoAnswerError, TransportError
@@ -106,7 +106,7 @@ def _run(commands: typer.Typer) -> int:
     read_quickly()
     try:
         code = commands(standalone_mode=False, prog_name="splinefleet")
-    except (PlanError, LogError, NoAnswerError) as error:
+    except (PlanError, ClusterError, LogError, NoAnswerError) as error:
         tell(str(error), "red")
         code = 1
     except (InputError, TransportError) as error:

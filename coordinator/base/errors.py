@@ -101,6 +101,10 @@ class CoarseError(PlanError):
     """Float32 numbers are too coarse at this distance from the origin."""
 
 
+class ClusterError(Exception):
+    """A cluster failed before the work was done; the text is one sentence.  Exit code 1."""
+
+
 class LogError(Exception):
     """The log could not be written to its end; the text is one sentence.  Exit code 1."""
 

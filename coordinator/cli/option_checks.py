@@ -8,6 +8,7 @@ belongs here, not in the command's body.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final, TypeVar
@@ -23,6 +24,8 @@ Value = TypeVar("Value")
 
 GIVEN: Final = "splinefleet.given"
 """Key of a context's `meta` under which CheckedCommand keeps the names of the parameters given."""
+
+_SCHEDULER: Final = re.compile(r"(tcp|tls)://(\[[0-9A-Fa-f:.]+\]|[\w.-]+):\d{1,5}")
 
 _SHAPES: Final = {2: "X,Y", 3: "X,Y,HEADING"}
 
@@ -92,6 +95,13 @@ def reached(endpoint: str | None) -> str | None:
         except TransportError as error:
             raise typer.BadParameter(str(error)) from None
     return endpoint
+
+
+def cluster_at(address: str | None) -> str | None:
+    """Accept the address of a Dask scheduler."""
+    if address is not None and not _SCHEDULER.fullmatch(address):
+        raise typer.BadParameter(f"{address[:60]!r} is not tcp://HOST:PORT or tls://HOST:PORT")
+    return address
 
 
 def numbers_of(text: str, *counts: int) -> tuple[float, ...]:

@@ -6,6 +6,7 @@ Decides: their options and exit codes.  Heavy modules are imported when a comman
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
 
@@ -15,6 +16,7 @@ import typer
 from coordinator.base.console import answer_json, answers, tell, write_file
 from coordinator.base.errors import InputError
 from coordinator.cli.option_checks import (
+    cluster_at,
     given,
     if_given,
     not_with,
@@ -138,6 +140,15 @@ Effort = Annotated[
     ),
 ]
 
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        metavar="tcp://HOST:PORT",
+        callback=cluster_at,
+        help="Share the work with a Dask cluster, by its scheduler's address.",
+    ),
+]
+
 
 @commands.command(rich_help_panel="Plan")
 def plan(
@@ -168,6 +179,7 @@ def plan(
     check_floor: Annotated[
         bool, typer.Option("--check-floor", help="Tell which places close a way for others.")
     ] = False,
+    cluster: Cluster = None,
     as_json: Json = False,
 ) -> None:
     """Plan a scenario, prove the plan and write it.
@@ -178,6 +190,7 @@ def plan(
     from coordinator.plan.plan_file import to_json
     from coordinator.plan.trajectory import csv_rows
     from coordinator.scenario_files.scenario_reader import read_scenario
+    from coordinator.service.cluster import executor_on
     from coordinator.service.planning import plan_here
 
     asked = read_scenario(scenario)
@@ -188,7 +201,8 @@ def plan(
             tell(note)
     if check_floor:
         _tell_closed_ways(asked)
-    document = plan_here(asked, effort).document
+    with nullcontext() if cluster is None else executor_on(cluster) as executor:
+        document = plan_here(asked, effort, executor=executor).document
     if output is not None:
         write_file(output, to_json(document))
     if csv is not None:

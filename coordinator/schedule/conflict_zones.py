@@ -76,10 +76,10 @@ def find_zones(
         )
     fleet = _gather(chords, np.asarray(radii, dtype=np.float64), margin, among)
     tasks = _tasks(fleet)
+    if len(fleet.line.s) < _MANY or (executor is None and among is not None):
+        return _together(fleet, [zones_of(fleet, (0, len(chords)))])
     if executor is not None:
         return _together(fleet, _run(executor, fleet, tasks))
-    if len(fleet.line.s) < _MANY or among is not None:
-        return _together(fleet, [zones_of(fleet, (0, len(chords)))])
     with ThreadPoolExecutor(min(os.cpu_count() or 1, len(tasks))) as threads:
         return _together(fleet, _run(threads, fleet, tasks))
 

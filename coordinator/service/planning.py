@@ -1,4 +1,4 @@
-"""Plan on this machine: load the kernels, use a thread per core, and time the stages.
+"""Plan on this machine, or with others: load the kernels, use all cores, and time the stages.
 
 Decides: which executor and timer the planner gets, and which scenarios are driven.  Must not know:
 how plans are found.
@@ -9,7 +9,8 @@ from __future__ import annotations
 import gc
 import os
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import nullcontext
 
 from coordinator.base.errors import InputError, PlanError, SeveralRobotsError
 from coordinator.paths.path_planner import closed_in
@@ -31,17 +32,19 @@ def plan_here(
     effort: int = DEFAULT_EFFORT,
     epoch: int = 1,
     timer: Timer = time.perf_counter,
+    executor: Executor | None = None,
 ) -> PackedPlan:
     """Return the plan of a scenario; raise PlanError as planner.plan_fleet does.
 
-    The error of the first epoch tells all robots that have no way, not only the first of them.
+    Without an executor, a thread per core is used.  The error of the first epoch tells all robots
+    that have no way, not only the first of them.
     """
     get_kernels_ready()
     if epoch == 1:
         gc.freeze()  # What was imported stays: to look through it takes a tenth of the time.
     try:
-        with ThreadPoolExecutor(os.cpu_count()) as executor:
-            return plan_fleet(scenario, effort=effort, epoch=epoch, timer=timer, executor=executor)
+        with nullcontext(executor) if executor else ThreadPoolExecutor(os.cpu_count()) as given:
+            return plan_fleet(scenario, effort=effort, epoch=epoch, timer=timer, executor=given)
     except PlanError as error:
         closed = list(closed_in(scenario).values()) if epoch == 1 and error.robot else []
         if len(closed) > 1:

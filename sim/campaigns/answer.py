@@ -69,23 +69,55 @@ class Answer(msgspec.Struct, frozen=True):
     collisions_with_obstacles: int = 0
 
 
-def add_up(outcomes: Sequence[Outcome], violations: Iterable[Violation] = ()) -> Answer:
+class Tally:
+    """The sums of outcomes, which need not be kept: a campaign may have a million runs."""
+
+    def __init__(self) -> None:
+        self._sums: Counter[str] = Counter()
+        self._excused: Counter[str] = Counter()
+        self._latencies: dict[str, list[float]] = {name: [] for name in _MEASURES}
+
+    def add(self, one: Outcome) -> None:
+        """Add the outcome of a run."""
+        self._sums.update(
+            runs=1,
+            collisions=len(one.touches),
+            stuck=len(one.stuck) + (not one.over),
+            arrived=one.arrived,
+            expected=one.expected,
+            epochs=one.epochs,
+            robots=one.expected + len(one.excused),
+            anyway=one.anyway,
+            collisions_with_obstacles=len(one.obstacle_touches),
+        )
+        self._excused.update(one.excused.values())
+        for name, values in self._latencies.items():
+            values += getattr(one.latencies, name)
+
+    def answer(self, violations: Iterable[Violation]) -> Answer:
+        """Return the sums and spreads of all runs."""
+        return Answer(
+            runs=self._sums["runs"],
+            collisions=self._sums["collisions"],
+            stuck=self._sums["stuck"],
+            arrived=self._sums["arrived"],
+            expected=self._sums["expected"],
+            violations=list(violations),
+            latency={name: _spread(values) for name, values in self._latencies.items() if values},
+            excused=dict(sorted(self._excused.items())),
+            epochs=self._sums["epochs"],
+            robots=self._sums["robots"],
+            anyway=self._sums["anyway"],
+            collisions_with_obstacles=self._sums["collisions_with_obstacles"],
+        )
+
+
+def add_up(outcomes: Iterable[Outcome], violations: Iterable[Violation] = ()) -> Answer:
     """Return the sums and spreads of all runs."""
-    reasons = Counter(reason for one in outcomes for reason in one.excused.values())
-    return Answer(
-        runs=len(outcomes),
-        collisions=sum(len(one.touches) for one in outcomes),
-        stuck=sum(len(one.stuck) + (not one.over) for one in outcomes),
-        arrived=sum(one.arrived for one in outcomes),
-        expected=sum(one.expected for one in outcomes),
-        violations=list(violations),
-        latency={name: found for name in _MEASURES if (found := _spread(outcomes, name))},
-        excused=dict(sorted(reasons.items())),
-        epochs=sum(one.epochs for one in outcomes),
-        robots=sum(one.expected + len(one.excused) for one in outcomes),
-        anyway=sum(one.anyway for one in outcomes),
-        collisions_with_obstacles=sum(len(one.obstacle_touches) for one in outcomes),
-    )
+    tally = Tally()
+    for outcome in outcomes:
+        tally.add(outcome)
+    return tally.answer(violations)
 
 
 def render(answer: Answer) -> Table:
@@ -117,9 +149,6 @@ def say(violation: Violation) -> str:
     return f"seed {violation.seed}: {'; '.join(violation.why)}\n{violation.command}"
 
 
-def _spread(outcomes: Sequence[Outcome], name: str) -> Spread | None:
-    values = [value for one in outcomes for value in getattr(one.latencies, name)]
-    if not values:
-        return None
+def _spread(values: Sequence[float]) -> Spread:
     median, p99, worst = (round(float(q), 4) for q in np.quantile(values, (0.5, 0.99, 1.0)))
     return Spread(len(values), median, p99, worst)

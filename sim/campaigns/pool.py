@@ -1,15 +1,18 @@
-"""Many runs of a campaign on several processes.
+"""Many runs of a campaign on several processes, or on whatever else an executor has.
 
-Decides: which process runs which seed, and that a crash of the code under test is an outcome too.
+Decides: which seeds are under way, and that a crash of the code under test is an outcome too.
 Must not know: what a run consists of.
 """
 
 from __future__ import annotations
 
 import signal
-from collections.abc import Generator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from collections import deque
+from collections.abc import Generator, Iterable, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
 from multiprocessing import active_children, get_context, resource_tracker
+from typing import Final
 
 from coordinator.base.interrupts import held_back
 from coordinator.scenario.model import Scenario
@@ -17,21 +20,34 @@ from sim.campaigns.campaign import Outcome, Wish, run_seed
 from sim.campaigns.latencies import Latencies
 from sim.world.fault_text import Fault
 
+_MOST_AHEAD: Final = 1_000
+"""How many runs are handed out at a time: an executor keeps something for each."""
+
 
 def run_all(
     scenario: Scenario,
-    seeds: Sequence[int],
+    seeds: Iterable[int],
     wish: Wish,
-    faults: Sequence[Fault] | None = None,
-    jobs: int = 1,
+    faults: Sequence[Fault] | None,
+    executor: Executor,
 ) -> Generator[Outcome]:
-    """Yield the outcomes of all seeds in order; closing the generator ends the processes."""
-    with _executor(jobs) as pool:
+    """Yield the outcomes of all seeds in order."""
+    waiting: deque[Future[Outcome]] = deque()
+    for seed in seeds:
         with held_back():
-            futures = [pool.submit(attempt, scenario, seed, wish, faults) for seed in seeds]
+            waiting.append(executor.submit(attempt, scenario, seed, wish, faults))
+        if len(waiting) > _MOST_AHEAD:
+            yield waiting.popleft().result()
+    while waiting:
+        yield waiting.popleft().result()
+
+
+@contextmanager
+def processes(jobs: int) -> Generator[Executor]:
+    """Return a context with an executor of so many processes; an error ends them at once."""
+    with _executor(jobs) as pool:
         try:
-            for future in futures:
-                yield future.result()
+            yield pool
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for process in active_children():

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from contextlib import closing
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -16,7 +16,7 @@ from rich.progress import Progress
 
 from coordinator.base.console import errors
 from coordinator.scenario.model import Link, Scenario
-from sim.campaigns.answer import Answer, Violation, add_up
+from sim.campaigns.answer import Answer, Tally, Violation
 from sim.campaigns.campaign import LINKS, Outcome, Wish, plan_for
 from sim.campaigns.pool import attempt, run_all
 from sim.campaigns.shrink import shrink
@@ -39,24 +39,21 @@ class Campaign:
     wish: Wish
     faults: Sequence[Fault] | None = None
 
-    def run(self, seeds: Sequence[int], jobs: int) -> Answer:
+    def run(self, seeds: Sequence[int], executor: Executor) -> Answer:
         """Run all seeds; PlanError when the scenario has no plan."""
         worst = LINKS[-1]
         link = Link(delay=min(worst.delay, self.wish.delay), loss=min(worst.loss, self.wish.loss))
         plan_for(self.scenario, link, self.wish.tau)
-        outcomes: list[Outcome] = []
+        tally = Tally()
         violations: list[Violation] = []
         with Progress(console=errors, transient=True) as progress:
             task = progress.add_task("runs", total=len(seeds))
-            jobs = min(jobs, len(seeds))
-            found = run_all(self.scenario, seeds, self.wish, self.faults, jobs)
-            with closing(found):
-                for outcome in found:
-                    outcomes.append(outcome)
-                    progress.advance(task)
-                    if outcome.violations:
-                        violations.append(self._violation(outcome, len(violations) < MOST_SHRUNK))
-        return add_up(outcomes, violations)
+            for outcome in run_all(self.scenario, seeds, self.wish, self.faults, executor):
+                tally.add(outcome)
+                progress.advance(task)
+                if outcome.violations:
+                    violations.append(self._violation(outcome, len(violations) < MOST_SHRUNK))
+        return tally.answer(violations)
 
     def _violation(self, outcome: Outcome, shrunk: bool) -> Violation:
         faults = None

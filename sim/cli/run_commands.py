@@ -16,7 +16,7 @@ import typer
 from coordinator.base.console import answer_json, answers, tell, write_file
 from coordinator.base.errors import InputError
 from coordinator.cli.option_checks import if_given, not_with, only_with, reached, within, writable
-from coordinator.cli.plan_commands import Effort, Json, Page, tell_remarks
+from coordinator.cli.plan_commands import Cluster, Effort, Json, Page, tell_remarks
 from coordinator.scenario.model import MOST_ROBOTS
 from coordinator.service.key_option import Keys
 from sim.floors.layout import LEAST_SIDE, MOST_SIDE, Kind, Size
@@ -377,8 +377,14 @@ def campaign(
         ),
     ] = None,
     jobs: Annotated[
-        int, typer.Option(min=1, help="Number of processes; by default one per core.")
+        int,
+        typer.Option(
+            min=1,
+            callback=not_with("cluster"),
+            help="Number of processes; by default one per core.",
+        ),
     ] = (os.cpu_count() or 1),
+    cluster: Cluster = None,
     as_json: Json = False,
 ) -> None:
     """Run a fleet many times in virtual time; seeds decide its links and faults.
@@ -386,15 +392,18 @@ def campaign(
     Example: splinefleet campaign examples/paper_five.toml --seeds 100
     """
     from coordinator.scenario_files.scenario_reader import read_scenario
+    from coordinator.service.cluster import executor_on
     from sim.campaigns.answer import render, say
     from sim.campaigns.campaign import Wish
+    from sim.campaigns.pool import processes
     from sim.campaigns.shell import Campaign
     from sim.world.fault_script import USUAL
 
     kinds = known_kinds(faults) if faults else USUAL
     wish = Wish(kinds, loss, delay_ms / 1000.0, tau)
     asked = Campaign.asked(read_scenario(scenario), scenario, wish, fault)
-    answer = asked.run(range(from_seed, from_seed + seeds), jobs)
+    with processes(min(jobs, seeds)) if cluster is None else executor_on(cluster) as executor:
+        answer = asked.run(range(from_seed, from_seed + seeds), executor)
     if as_json:
         answer_json(answer)
     else:

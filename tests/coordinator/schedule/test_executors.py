@@ -36,14 +36,3 @@ def test_threads_make_the_plan_that_one_thread_makes(scenario, alone):
 def test_processes_make_the_plan_that_one_thread_makes(scenario, alone):
     with ProcessPoolExecutor(2, mp_context=get_context("forkserver")) as executor:
         assert planned(scenario, executor) == alone
-
-
-def test_a_cluster_makes_the_plan_that_one_thread_makes(scenario, alone):
-    distributed = pytest.importorskip("distributed")
-    with (
-        distributed.LocalCluster(
-            n_workers=2, processes=False, threads_per_worker=1, dashboard_address=None
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        assert planned(scenario, client.get_executor()) == alone
