@@ -46,14 +46,20 @@ def staircase_failures(
     keep = np.array([one.radius for one in driven]) + 0.5 * margin
     enough = keep - 0.5 * (TOLERANCE + RESOLUTION)
     motions = Motions(pieces.rows, first, enough, flights.asked)
+    turned = np.argsort(staircases.ahead, kind="stable")
+    robots = np.arange(count + 1)
     needs = Needs(
-        np.searchsorted(staircases.behind, np.arange(count + 1)),
+        np.searchsorted(staircases.behind, robots),
+        staircases.behind,
         staircases.ahead,
+        np.searchsorted(staircases.ahead[turned], robots),
+        turned,
         staircases.first,
         staircases.at / 1000.0,
         staircases.need / 1000.0,
     )
-    failing = uncovered(motions, needs, staircases.tau_ms / 1000.0)
+    found = uncovered(motions, needs, staircases.tau_ms / 1000.0, 0, count)
+    failing = sorted(found, key=lambda one: (one.behind, one.ahead))
     said = [
         f"{driven[one.behind].id} at {one.t_behind:.2f} s is too near {driven[one.ahead].id} at "
         f"{one.t_ahead:.2f} s, which its staircase does not say"
