@@ -119,8 +119,8 @@ def plan_fleet(
     """Find a plan for a scenario and return it with its messages, on which it is proven.
 
     Epochs after 1 get LATER_EFFORT at most.  For large fleets the executor (threads, processes or
-    a cluster) finds paths and zones in parts; the plan does not depend on the executor.  The
-    document's `timing` [s] is measured with the timer; without a timer it is 0.
+    a cluster) does paths, zones, staircases and their proof in parts; the plan does not depend on
+    it.  The document's `timing` [s] is measured with the timer; without a timer it is 0.
 
     Policy "safe": raises InputError for a tau below LEAST_TAU, and PlanError when no plan is found;
     a plan that is returned has passed its proof.  Policy "paper": the proof may fail; the document
@@ -157,8 +157,8 @@ def plan_fleet(
     document = replace(drafted.document, waits=waits, notes=notes)
     plan = PackedPlan(document, drafted.messages)
     try:
-        plan = plan if scenario.policy == "paper" else with_staircases(plan)
-        proof = prove_messages(plan, scenario)
+        plan = plan if scenario.policy == "paper" else with_staircases(plan, executor)
+        proof = prove_messages(plan, scenario, executor)
     except PartsError as error:
         reason = "a path cannot be sent: " + "; ".join(error.problems)
         raise PlanError(reason, blames=error.robots[-1]) from None

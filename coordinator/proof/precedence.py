@@ -12,6 +12,8 @@ which staircases are made from.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -19,7 +21,7 @@ import numpy as np
 from coordinator.plan.staircases import Staircases
 from coordinator.plan.wire import Driven
 from coordinator.proof.motion_pieces import Flights, Part
-from coordinator.proof.precedence_kernels import Needs, uncovered
+from coordinator.proof.precedence_kernels import Needs, Uncovered, uncovered
 from coordinator.proof.separation_kernels import Motions
 from coordinator.scenario.margin import RESOLUTION, TOLERANCE
 
@@ -28,13 +30,22 @@ _DEVIATION: Final = 2.5e-4
 
 _MOST_SAID: Final = 20
 
+_MANY: Final = 100
+_PARTS: Final = 12
+"""From _MANY robots on, an executor gets the work in so many parts."""
+
 
 def staircase_failures(
-    driven: Sequence[Driven], staircases: Staircases, margin: float, part: Part | None = None
+    driven: Sequence[Driven],
+    staircases: Staircases,
+    margin: float,
+    part: Part | None = None,
+    executor: Executor | None = None,
 ) -> list[str]:
     """Return a sentence for each ordered pair with a conflict above its staircase; margin [m].
 
-    `part`: which motions are compared, and when; by default all of them.  A shortfall of the
+    `part`: which motions are compared, and when; by default all of them.  The executor gets parts
+    of the work of large fleets; the answer does not depend on it.  A shortfall of the
     distance below margin.TOLERANCE is accepted, as by the proof of tau-safety.
     """
     if len(driven) < 2:
@@ -55,10 +66,16 @@ def staircase_failures(
         np.searchsorted(staircases.ahead[turned], robots),
         turned,
         staircases.first,
-        staircases.at / 1000.0,
-        staircases.need / 1000.0,
+        staircases.at,
+        staircases.need,
     )
-    found = uncovered(motions, needs, staircases.tau_ms / 1000.0, 0, count)
+    tau = staircases.tau_ms / 1000.0
+    if executor is None or count < _MANY:
+        found = uncovered(motions, needs, tau, 0, count)
+    else:
+        shares = pairwise(_borders(count))
+        waiting = [executor.submit(_uncovered_by, motions, needs, tau, *one) for one in shares]
+        found = [one for future in waiting for one in future.result()]
     failing = sorted(found, key=lambda one: (one.behind, one.ahead))
     said = [
         f"{driven[one.behind].id} at {one.t_behind:.2f} s is too near {driven[one.ahead].id} at "
@@ -67,3 +84,20 @@ def staircase_failures(
     ]
     more = len(failing) - len(said)
     return [*said, f"and {more} more pairs"] if more > 0 else said
+
+
+def _uncovered_by(
+    motions: Motions, needs: Needs, tau: float, begin: int, end: int
+) -> list[Uncovered]:
+    """Do what `uncovered` does; an executor's process can call this function."""
+    return list(uncovered(motions, needs, tau, begin, end))
+
+
+def _borders(count: int) -> list[int]:
+    """Return where parts of the robots begin and end that have equally many pairs with later ones.
+
+    Robot a has count - a - 1 of them.
+    """
+    left = np.sqrt(np.linspace(1.0, 0.0, _PARTS + 1))
+    borders: list[int] = np.round(count * (1.0 - left)).astype(int).tolist()
+    return borders

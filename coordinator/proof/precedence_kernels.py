@@ -14,6 +14,7 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from coordinator.base.compiled import allocation_free, compiled
 from coordinator.proof.separation_kernels import (
@@ -40,7 +41,7 @@ _DEEPEST: Final = 2 * _LEVELS
 
 
 class Needs(NamedTuple):
-    """The staircases by robot behind, then ahead: knots first[k] to first[k + 1] of at, need [s].
+    """The staircases by robot behind, then ahead: knots first[k] to first[k + 1] of at, need [ms].
 
     pair_at (n + 1,): where the staircases of each robot behind begin.  turned: the staircases by
     robot ahead, those of robot r from turned_at[r] to turned_at[r + 1].
@@ -52,8 +53,8 @@ class Needs(NamedTuple):
     turned_at: Indices
     turned: Indices
     first: Indices
-    at: Array
-    need: Array
+    at: npt.NDArray[np.int32]
+    need: npt.NDArray[np.int32]
 
 
 class _Trees(NamedTuple):
@@ -83,7 +84,7 @@ def need_at(needs: Needs, pair: int, time: float) -> float:
     if pair < 0:
         return -math.inf
     begin, end = needs.first[pair], needs.first[pair + 1]
-    low, high = begin, end
+    low, high, time = begin, end, 1000.0 * time
     while low < high:
         middle = (low + high) // 2
         if needs.at[middle] <= time:
@@ -93,10 +94,11 @@ def need_at(needs: Needs, pair: int, time: float) -> float:
     k = low - 1
     if k < begin:
         return -math.inf
-    if k == end - 1:
-        return float(needs.need[k])
-    rise = (time - needs.at[k]) / (needs.at[k + 1] - needs.at[k])
-    return float(needs.need[k] + rise * (needs.need[k + 1] - needs.need[k]))
+    need = float(needs.need[k])
+    if k < end - 1:
+        rise = (time - needs.at[k]) / (float(needs.at[k + 1]) - needs.at[k])
+        need += rise * (float(needs.need[k + 1]) - need)
+    return need / 1000.0
 
 
 @allocation_free

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from concurrent.futures import Executor
 from typing import Final
 
 import numpy as np
@@ -57,8 +58,12 @@ def prove_document(document: PlanDocument, scenario: Scenario | None = None) -> 
     return prove_messages(packed(document), scenario)
 
 
-def prove_messages(plan: PackedPlan, scenario: Scenario | None = None) -> Proof:
+def prove_messages(
+    plan: PackedPlan, scenario: Scenario | None = None, executor: Executor | None = None
+) -> Proof:
     """Prove a plan from its wire bytes, and its staircases if it has any.
+
+    The executor proves the staircases of large fleets in parts.
 
     With a scenario, the plan is proven against the scenario's floor, limits, tau and margin.  The
     proof then also fails if the document's tau, margin, link or limits differ from the scenario's,
@@ -78,7 +83,7 @@ def prove_messages(plan: PackedPlan, scenario: Scenario | None = None) -> Proof:
     else:
         proof = _prove_alone(document, driven)
     if plan.staircases is not None:
-        told += staircase_failures(driven, plan.staircases, document.margin)
+        told += staircase_failures(driven, plan.staircases, document.margin, executor=executor)
     return _with_failures(proof, told)
 
 
