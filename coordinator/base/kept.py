@@ -8,26 +8,26 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import wraps
 from typing import TypeVar
-from weakref import WeakKeyDictionary
 
 Result = TypeVar("Result")
 
 
 def kept(function: Callable[..., Result]) -> Callable[..., Result]:
-    """Keep a function's results with its first argument; the other arguments are hashable.
+    """Keep a function's results in its first argument; the other arguments are hashable.
 
-    A result must not refer to that argument, which would live for ever then.
+    The first argument is an object with a `__dict__` that is compared by identity, and does not
+    change.
     """
-    known: WeakKeyDictionary[object, dict[tuple[object, ...], Result]] = WeakKeyDictionary()
+    name = f"{function.__module__}.{function.__qualname__}"
 
     @wraps(function)
     def found(owner: object, *others: object) -> Result:
+        known: dict[str, dict[tuple[object, ...], Result]] = owner.__dict__
         try:
-            results = known[owner]
+            return known[name][others]
         except KeyError:
-            results = known[owner] = {}
-        if others not in results:
-            results[others] = function(owner, *others)
-        return results[others]
+            result = function(owner, *others)
+            known.setdefault(name, {})[others] = result
+            return result
 
     return found

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from coordinator.base.bounds import bounds_of
 from coordinator.base.errors import PlanError
 from coordinator.base.kept import kept
 from coordinator.bends.mesh_kernels import Mesh, close_near
@@ -156,8 +157,9 @@ def traffic_for(
     samples, owner = samples[is_ahead], owner[is_ahead]
     size = reach + max((one.driven.radius for one in others), default=0.0) + _GAP
     places = samples[:, :2] if len(samples) else np.zeros((1, 2))
-    low = places.min(axis=0) - size
-    columns, rows = np.ceil((places.max(axis=0) + size - low) / size).astype(int).tolist()
+    low, high = bounds_of(places)
+    low -= size
+    columns, rows = np.ceil((high + size - low) / size).astype(int).tolist()
     return gathered(samples, owner, float(low[0]), float(low[1]), size, columns, rows)
 
 

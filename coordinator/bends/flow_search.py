@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 
+from coordinator.base.bounds import bounds_of
 from coordinator.bends.courses import Course, CourseMaker, TrackOf, may_bend
 from coordinator.bends.meshes import NARROW, WIDE, Ends, Meshes
 from coordinator.bends.same_side import Mover, same_side
@@ -99,8 +100,9 @@ class FlowSearch:
         widest = 2.0 * max(robot.radius for robot in self.robots) + self.margin
         self._size = widest + max(pad for _, pad in PADS) + 0.02
         corners = np.array([*scenario.workspace.boundary, *points])
-        self._low = corners.min(axis=0) - 1.0
-        self._counts = (np.ceil((corners.max(axis=0) + 1.0 - self._low) / self._size)).astype(int)
+        low, high = bounds_of(corners)
+        self._low = low - 1.0
+        self._counts = (np.ceil((high + 1.0 - self._low) / self._size)).astype(int)
         self._slack = _SLACK.copy()
         self.random = random.Random(len(paths))
         self.is_crowded = False

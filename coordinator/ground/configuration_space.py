@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from coordinator.base.bounds import bounds_of
 from coordinator.curves.nurbs import Array
 from coordinator.ground.distance_kernels import Solid, gaps, keeping
 from coordinator.ground.grid_kernels import Frame, Grid, cells_of
@@ -124,7 +125,7 @@ class Ground:
 def _frame(edges: Array, turns: Array) -> Frame:
     """Return a frame that holds all edges (m, 4) and turns (n, 2) [m]."""
     ends = np.concatenate((edges[:, :2], edges[:, 2:], turns))
-    low, high = ends.min(axis=0), ends.max(axis=0)
+    low, high = bounds_of(ends)
     wide, tall = (high - low).tolist()
     cells = min(max(len(edges) / _EDGES_PER_CELL, 16.0), _MOST_CELLS)
     size = max(math.sqrt(wide * tall / cells), max(wide, tall) / 2000.0, 1e-6)

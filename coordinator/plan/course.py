@@ -85,10 +85,10 @@ class Boxes:
         """Return by how much [m] each path and a polyline (m, 2) are apart at least (n,)."""
         if not len(self.radii):
             return np.zeros(0)
-        x0, y0, x1, y1 = self._boxes.T[:, :, None]
-        u0, v0, u1, v1 = _boxes_of(points).T[:, None]
+        x0, y0, x1, y1 = self._boxes.T
+        u0, v0, u1, v1 = _boxes_of(points).T[:, :, None]
         along_x, along_y = np.maximum(x0 - u1, u0 - x1), np.maximum(y0 - v1, v0 - y1)
-        nearest = np.maximum(along_x, along_y).min(axis=1)
+        nearest = np.maximum(along_x, along_y).min(axis=0)
         return np.asarray(np.minimum.reduceat(nearest, self._first) - self._bound)
 
     def ways_by(self, a: Array, b: Array) -> Array:

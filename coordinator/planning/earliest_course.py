@@ -89,6 +89,21 @@ class Search:
         """The boxes around the other courses."""
         return Boxes(self.others)
 
+    def ahead(self, course: Course, delay: float) -> Track:
+        """Return a course as a track, without what robots have left behind when the wish begins.
+
+        `delay` [s]: how late its robot is.
+        """
+        key = id(course), delay
+        if key not in self._tracks:
+            since = 0.001 * self.wish.begin_ms - self.site.terms.tau - TAU_PAD - delay
+            self._tracks[key] = _ahead(course.driven, since)
+        return self._tracks[key]
+
+    @cached_property
+    def _tracks(self) -> dict[tuple[int, float], Track]:
+        return {}
+
 
 @dataclass(frozen=True, eq=False)
 class Try:
@@ -219,19 +234,7 @@ def _conflict_discs(robot: Robot, found: Try) -> Array | None:
 
 def _finder(site: Site, robot: Robot, others: Sequence[Course]) -> Pathfinder:
     """Return a search for a robot's path among others that stand where they will rest."""
-    stand = tuple(
-        Robot(
-            id=one.driven.id,
-            start=one.goal,
-            goal=one.goal,
-            radius=one.driven.radius,
-            max_speed=1.0,
-            max_accel=1.0,
-            max_lateral_accel=1.0,
-        )
-        for one in others
-        if one.until == math.inf
-    )
+    stand = tuple(_resting(one.driven) for one in others if one.until == math.inf)
     scenario = Scenario(
         name=site.scenario.name,
         workspace=site.scenario.workspace,
@@ -240,6 +243,21 @@ def _finder(site: Site, robot: Robot, others: Sequence[Course]) -> Pathfinder:
         speed_reserve=site.scenario.speed_reserve,
     )
     return Pathfinder(scenario, site.floor)
+
+
+@kept
+def _resting(driven: Driven) -> Robot:
+    """Return the robot of a course as one that stands at its end."""
+    x, y = driven.curve.points[-1].tolist()
+    return Robot(
+        id=driven.id,
+        start=(x, y),
+        goal=(x, y),
+        radius=driven.radius,
+        max_speed=1.0,
+        max_accel=1.0,
+        max_lateral_accel=1.0,
+    )
 
 
 def _track(site: Site, robot: Robot, path: Nurbs) -> Track:
@@ -331,8 +349,7 @@ def _among(search: Search, track: Track) -> tuple[Junctions, Motions, list[Cours
     copies = [(one, delay) for one in among for delay in _delays(site, wish, one)]
     near = [one for one, _ in copies]
     tau = site.terms.tau + TAU_PAD
-    since = 0.001 * wish.begin_ms - tau
-    tracks = [track, *(_ahead(one.driven, since - delay) for one, delay in copies)]
+    tracks = [track, *(search.ahead(one, delay) for one, delay in copies)]
     radii = [robot.radius, *(one.driven.radius for one in near)]
     junctions = Junctions(tracks, radii, margin, tau, among=(0,), cell=_CELL)
     motions = Motions(junctions.lengths())

@@ -105,14 +105,20 @@ class Flights:
         spans = zip(self.driven, self._spans, strict=True)
         own = [_own_pieces(one, *_under_way(one, *span), tolerance) for one, span in spans]
         ends: Indices = np.cumsum(self._sizes).reshape(-1, 3)
-        stands = ends[:, ::2][self._sizes[:, ::2] > 0] - 1
-        still = self._pieces_of(stands, tolerance)
+        still = self._standing_pieces(ends[:, ::2][self._sizes[:, ::2] > 0] - 1)
         robot = np.repeat(np.arange(len(own)), [len(one.rows) for one in own])
         leg = np.concatenate([one.leg for one in own]) + ends[robot, 0]
         rows = np.concatenate([*(one.rows for one in own), still.rows])
         robot, leg = np.concatenate((robot, still.robot)), np.concatenate((leg, still.leg))
         # Legs are numbered by robot, then time; these are two runs in order, soon merged.
         return Pieces(rows, robot, leg).pick(np.argsort(leg, kind="stable"))
+
+    def _standing_pieces(self, legs: Indices) -> Pieces:
+        """Return the pieces of these legs, on which robots stand."""
+        robot, (begin, end, s, _, _) = self._robot[legs], self._legs[legs].T
+        who = zip(robot.tolist(), s.tolist(), strict=True)
+        x, y = np.array([_place(self.driven[index], at) for index, at in who]).reshape(-1, 2).T
+        return Pieces(np.column_stack((begin, end, x, y, x, y, np.zeros(len(x)))), robot, legs)
 
     def _pieces_of(self, legs: Indices, tolerance: float) -> Pieces:
         ends = self._nodes(np.repeat(legs, 2), self._legs[legs][:, (_LEG_BEGIN, _LEG_END)].ravel())
@@ -195,6 +201,13 @@ def _own_pieces(driven: Driven, begin: float, end: float, tolerance: float) -> P
     alone._legs = _driving_legs(driven, begin, end)
     alone._robot = np.zeros(len(alone._legs), np.int64)
     return alone._pieces_of(np.arange(len(alone._legs)), tolerance)
+
+
+@kept
+def _place(driven: Driven, s: float) -> tuple[float, float]:
+    """Return where a robot is [m] at an arc length [m] of its curve."""
+    ((x, y),) = driven.curve.at_arc(np.array([s])).tolist()
+    return x, y
 
 
 def _under_way(driven: Driven, begin: float, end: float) -> tuple[float, float]:

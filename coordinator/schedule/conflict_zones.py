@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from coordinator.base.bounds import bounds_of
 from coordinator.curves.chords import Chords
 from coordinator.curves.nurbs import Array
 from coordinator.schedule.broad_phase_kernels import ROBOT, Frame, lay_out, stretches_of
@@ -102,7 +103,7 @@ def _gather(
         asked[np.asarray(among, dtype=np.int64)] = 1
     need = max(2.0 * float(half.max()), 1e-6)
     stretches, shapes = stretches_of(first, points, half, _STRETCH * need)
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = bounds_of(points)
     size = max(_CELL * need, float(np.sqrt(np.prod(high - low + need) / (4 * len(stretches) + 64))))
     columns, rows = (np.floor((high - low) / size).astype(int) + 1).tolist()
     frame = Frame(float(low[0]), float(low[1]), size, columns, rows)
