@@ -24,6 +24,7 @@ from coordinator.plan.document import Limits, PlanDocument, Proof
 from coordinator.plan.drafting import draft_plan
 from coordinator.plan.wire import Driven, drive
 from coordinator.planning.planner import plan_scenario
+from coordinator.proof.motion_pieces import Flights
 from coordinator.proof.separation import Separation
 from coordinator.proof.tau_safety import prove, prove_separation
 from coordinator.scenario.floor import Floor
@@ -115,7 +116,7 @@ def _kept_apart(case: Case) -> Case:
     while True:
         driven = [one for document in documents for one in drive(document)]
         keep = np.array([one.radius for one in driven]) + 0.5 * scenario.margin
-        near = Separation(driven, TAU).below(keep, -TOLERANCE)
+        near = Separation(Flights(driven), TAU).below(keep, -TOLERANCE)
         times = Counter(index for one in near for index in (one.a, one.b))
         if not near:
             return Case(case.name.replace("in a row", "kept apart"), scenario, documents, TAU)
@@ -128,7 +129,7 @@ def _kept_apart(case: Case) -> Case:
 def _measure(case: Case) -> Row:
     scenario, driven = case.scenario, case.drive()
     read = _least(case.drive)
-    apart = _least(lambda: prove_separation(driven, case.tau, scenario.margin))
+    apart = _least(lambda: prove_separation(Flights(driven), case.tau, scenario.margin))
     proof = _prove(case, driven)
     whole = read + _least(lambda: _prove(case, driven))
     return {

@@ -18,6 +18,7 @@ from coordinator.plan.course import Course
 from coordinator.plan.document import PlanDocument, RobotPlan
 from coordinator.plan.shares_of_tau import Shares, shares_of
 from coordinator.plan.wire import PackedPlan, address
+from coordinator.proof.motion_pieces import Flights
 from coordinator.proof.precedence import staircase_failures
 from coordinator.scenario.link_times import link_times
 from coordinator.schedule.staircase_making import with_staircases
@@ -61,7 +62,8 @@ def grants_of(plan: PackedPlan) -> Grants:
     if plan.staircases is None:
         plan = with_staircases(plan)
         assert plan.staircases is not None
-        if failures := staircase_failures(plan.driven, plan.staircases, document.margin):
+        flights = Flights(plan.driven)
+        if failures := staircase_failures(flights, plan.staircases, document.margin):
             raise PlanError("staircases do not cover all conflicts: " + "; ".join(failures))
     headroom_ms = math.ceil(1000.0 * _shares_of(document).headroom)
     courses = [Course(one, 0.0) for one in plan.driven]

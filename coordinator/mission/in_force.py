@@ -19,7 +19,7 @@ from coordinator.plan.document import Limits
 from coordinator.plan.staircases import Staircases
 from coordinator.plan.wire import Driven
 from coordinator.proof.limits import limit_failures
-from coordinator.proof.motion_pieces import Part
+from coordinator.proof.motion_pieces import Flights, Part
 from coordinator.proof.precedence import staircase_failures
 from coordinator.proof.shared_course import shared_until
 from coordinator.proof.tau_safety import clearances, separation_failures
@@ -63,6 +63,7 @@ def _too_near(
     for which, asked in parts:
         driven = [courses[k].driven for k in which]
         part = Part([(courses[k].since, math.inf) for k in which], asked)
-        failures += separation_failures(driven, tau, margin, part)
-        failures += staircase_failures(driven, table.among(which), margin, part)
+        flights = Flights(driven, part)
+        failures += separation_failures(flights, tau, margin)
+        failures += staircase_failures(flights, table.among(which), margin)
     return failures

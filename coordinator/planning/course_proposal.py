@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from msgspec.structs import replace as changed
 
 from coordinator.base.errors import PlanError
-from coordinator.plan.course import Course
+from coordinator.plan.course import Boxes, Course
 from coordinator.plan.course_staircases import joined
 from coordinator.plan.document import Limits, PlanDocument
 from coordinator.plan.drafting import rounded
@@ -44,7 +44,8 @@ class Proposal:
 def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     """Return the earliest course that fulfils a wish; raises PlanError where there is none."""
     robot, terms = wish.robot, site.terms
-    found = earliest(Search(site, wish, others))
+    search = Search(site, wish, others)
+    found = earliest(search)
     names = [robot.id, *(one.driven.id for one in found.near)]
     plan = rounded(robot, found.path, found.motion, names)
     if wish.leaves is not None:
@@ -52,7 +53,7 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     message = pack(terms, plan, wish.number, wish.revision, wish.begin_ms)
     if objection := wish.holds.objection(message):
         raise PlanError(objection, robot.id)
-    proposal = proposal_of(message, site, wish, others)
+    proposal = proposal_of(message, site, wish, others, search.boxes)
     courses = [proposal.course, *proposal.near]
     before = None if wish.leaves is None else wish.leaves.driven
     failures = course_failures(
@@ -67,14 +68,16 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     return proposal
 
 
-def proposal_of(message: bytes, site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
+def proposal_of(
+    message: bytes, site: Site, wish: Wish, others: Sequence[Course], around: Boxes | None = None
+) -> Proposal:
     """Return the course that a message states, with its staircases; not proven here.
 
-    Raises ValueError if a robot would refuse the message.
+    `around`: the boxes of the others.  Raises ValueError if a robot would refuse the message.
     """
     driven = unpack(message, wish.robot.radius)
     course = Course(driven, 0.001 * driven.plan.begin_ms)
-    near = that_may_meet(course, others, site.terms.margin + STANDOFF)
+    near = that_may_meet(course, others, site.terms.margin + STANDOFF, around)
     return Proposal(course, message, near, staircases_among(course, near, site.terms))
 
 

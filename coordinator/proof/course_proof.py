@@ -17,7 +17,7 @@ from coordinator.plan.document import Limits
 from coordinator.plan.staircases import Staircases
 from coordinator.plan.wire import Driven
 from coordinator.proof.limits import limit_failures
-from coordinator.proof.motion_pieces import Part
+from coordinator.proof.motion_pieces import Flights, Part
 from coordinator.proof.precedence import staircase_failures
 from coordinator.proof.shared_course import shared_until
 from coordinator.proof.tau_safety import Gap, clearances, separation_failures
@@ -56,13 +56,16 @@ def pair_failures(courses: Sequence[Course], staircases: Staircases, margin: flo
         return []
     driven = [one.driven for one in courses]
     part = Part([(one.since, one.until) for one in courses], [k == 0 for k in range(len(courses))])
-    failures = separation_failures(driven, staircases.tau_ms / 1000.0, margin, part)
-    return failures + staircase_failures(driven, staircases, margin, part)
+    flights = Flights(driven, part)
+    failures = separation_failures(flights, staircases.tau_ms / 1000.0, margin)
+    return failures + staircase_failures(flights, staircases, margin)
 
 
-def that_may_meet(course: Course, others: Sequence[Course], margin: float) -> list[Course]:
-    """Return the other courses whose boxes come as near as matters to that of a course."""
-    mine, boxes = course.driven, Boxes(others)
+def that_may_meet(
+    course: Course, others: Sequence[Course], margin: float, around: Boxes | None = None
+) -> list[Course]:
+    """Return the other courses whose boxes, `around` them, come as near as matters to a course."""
+    mine, boxes = course.driven, Boxes(others) if around is None else around
     apart = boxes.apart(mine.chain.points) - mine.chain.bound
     near = apart < mine.radius + boxes.radii + margin
     return [others[k] for k in np.flatnonzero(near).tolist()]

@@ -11,7 +11,6 @@ which staircases are made from.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from concurrent.futures import Executor
 from itertools import pairwise
 from typing import Final
@@ -19,8 +18,7 @@ from typing import Final
 import numpy as np
 
 from coordinator.plan.staircases import Staircases
-from coordinator.plan.wire import Driven
-from coordinator.proof.motion_pieces import Flights, Part
+from coordinator.proof.motion_pieces import Flights
 from coordinator.proof.precedence_kernels import Needs, Uncovered, uncovered
 from coordinator.proof.separation_kernels import Motions
 from coordinator.scenario.margin import RESOLUTION, TOLERANCE
@@ -36,21 +34,16 @@ _PARTS: Final = 12
 
 
 def staircase_failures(
-    driven: Sequence[Driven],
-    staircases: Staircases,
-    margin: float,
-    part: Part | None = None,
-    executor: Executor | None = None,
+    flights: Flights, staircases: Staircases, margin: float, executor: Executor | None = None
 ) -> list[str]:
     """Return a sentence for each ordered pair with a conflict above its staircase; margin [m].
 
-    `part`: which motions are compared, and when; by default all of them.  The executor gets parts
-    of the work of large fleets; the answer does not depend on it.  A shortfall of the
-    distance below margin.TOLERANCE is accepted, as by the proof of tau-safety.
+    The executor gets parts of the work of large fleets; the answer does not depend on it.  A
+    shortfall of the distance below margin.TOLERANCE is accepted, as by the proof of tau-safety.
     """
+    driven = flights.driven
     if len(driven) < 2:
         return []
-    flights = Flights(driven, part)
     pieces = flights.pieces(_DEVIATION)
     count = len(driven)
     first = np.searchsorted(pieces.robot, np.arange(count + 1))

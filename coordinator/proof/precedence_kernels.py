@@ -154,6 +154,17 @@ def _part(piece: Array, begin: float, end: float) -> tuple[float, float, float, 
 
 
 @allocation_free
+def _time_nearest(piece: Array, begin: float, end: float, x: float, y: float) -> float:
+    """Return when a piece is nearest to a place [m], from one time to another [s]."""
+    ax, ay, bx, by = _part(piece, begin, end)
+    dx, dy = bx - ax, by - ay
+    square = dx * dx + dy * dy
+    if square == 0.0:
+        return end
+    return begin + (end - begin) * min(max(((x - ax) * dx + (y - ay) * dy) / square, 0.0), 1.0)
+
+
+@allocation_free
 def _open_times(
     p: Array, q: Array, enough: float, needs: Needs, pair: int, tau: float, stack: Array
 ) -> tuple[float, float]:
@@ -170,7 +181,8 @@ def _open_times(
         if p0 >= p1 or _keep_apart(_part(p, p0, p1), _part(q, begin, end), enough):
             continue
         if end - begin < SHORTEST:
-            return p1, begin
+            x, y, _, _ = _part(q, begin, end)
+            return _time_nearest(p, p0, p1, x, y), begin
         middle = 0.5 * (begin + end)
         stack[depth, 0], stack[depth, 1] = middle, end
         stack[depth + 1, 0], stack[depth + 1, 1] = begin, middle

@@ -12,15 +12,13 @@ know: which distance is too small (tau_safety.py), zones or schedules.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from coordinator.curves.nurbs import Array
-from coordinator.plan.wire import Driven
-from coordinator.proof.motion_pieces import Flights, Part, Pieces
+from coordinator.proof.motion_pieces import Flights, Pieces
 from coordinator.proof.separation_kernels import (
     BEGIN,
     END,
@@ -87,16 +85,13 @@ class _Candidates:
 
 
 class Separation:
-    """How near robots of a fleet come to each other, at all times no more than tau [s] apart.
+    """How near robots of a fleet come to each other, at all times no more than tau [s] apart."""
 
-    `part`: which motions are compared, and when; by default all of them.
-    """
-
-    def __init__(self, driven: Sequence[Driven], tau: float, part: Part | None = None) -> None:
-        self._flights = Flights(driven, part)
+    def __init__(self, flights: Flights, tau: float) -> None:
+        self._flights = flights
         self._tau = tau
         self._pieces = self._flights.pieces(_COARSE)
-        self._first = np.searchsorted(self._pieces.robot, np.arange(len(driven) + 1))
+        self._first = np.searchsorted(self._pieces.robot, np.arange(len(flights.driven) + 1))
         self._block = max(_BLOCK, self._flights.finish / _MOST_BLOCKS)
 
     def least(self, keep: Array, reach: float = _REACH) -> Closest | None:

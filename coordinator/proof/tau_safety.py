@@ -25,7 +25,7 @@ from coordinator.plan.document import Limits, Proof
 from coordinator.plan.shares_of_tau import survived
 from coordinator.plan.wire import Driven
 from coordinator.proof.limits import limit_failures
-from coordinator.proof.motion_pieces import Part
+from coordinator.proof.motion_pieces import Flights
 from coordinator.proof.separation import Closest, Separation
 from coordinator.scenario.margin import TOLERANCE, beside_solid, between_robots
 
@@ -82,7 +82,7 @@ def prove(
     `limits` has one entry per robot, None if not known.  Without `gap` (no floor known) the
     clearance is not proven and is None in the proof.
     """
-    apart = prove_separation(driven, tau, margin)
+    apart = prove_separation(Flights(driven), tau, margin)
     failures = [*_say_shares(driven, margin), *apart.failures]
     clearance = None
     if gap is not None:
@@ -133,22 +133,22 @@ class Apart(NamedTuple):
     failures: list[str]
 
 
-def separation_failures(
-    driven: Sequence[Driven], tau: float, margin: float, part: Part
-) -> list[str]:
-    """Return a sentence for each pair that comes too near in a part of a fleet's motions.
+def separation_failures(flights: Flights, tau: float, margin: float) -> list[str]:
+    """Return a sentence for each pair that comes too near.
 
     The need and tau are those of `prove_separation`.
     """
+    driven = flights.driven
     keep = np.array([one.radius for one in driven]) + 0.5 * margin
-    return _say_failing(Separation(driven, tau, part).below(keep, -TOLERANCE), driven, keep)
+    return _say_failing(Separation(flights, tau).below(keep, -TOLERANCE), driven, keep)
 
 
-def prove_separation(driven: Sequence[Driven], tau: float, margin: float) -> Apart:
+def prove_separation(flights: Flights, tau: float, margin: float) -> Apart:
     """Prove that all pairs keep r_i + r_j + margin [m] at times no more than tau [s] apart."""
+    driven = flights.driven
     radii = np.array([one.radius for one in driven])
     keep = radii + 0.5 * margin
-    fleet = Separation(driven, tau)
+    fleet = Separation(flights, tau)
     tightest = fleet.least(keep)
     if tightest is None:
         return Apart(None, None, "", [])

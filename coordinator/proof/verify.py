@@ -20,6 +20,7 @@ from coordinator.plan.checks import LENGTH_TOLERANCE, LONGEST_PLAN
 from coordinator.plan.document import Limits, PlanDocument, Proof, RobotPlan
 from coordinator.plan.shares_of_tau import resolve_tau, shares_of
 from coordinator.plan.wire import Driven, PackedPlan, packed
+from coordinator.proof.motion_pieces import Flights
 from coordinator.proof.precedence import staircase_failures
 from coordinator.proof.tau_safety import prove
 from coordinator.scenario.floor import Floor
@@ -83,7 +84,9 @@ def prove_messages(
     else:
         proof = _prove_alone(document, driven)
     if plan.staircases is not None:
-        told += staircase_failures(driven, plan.staircases, document.margin, executor=executor)
+        told += staircase_failures(
+            Flights(driven), plan.staircases, document.margin, executor=executor
+        )
     return _with_failures(proof, told)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from coordinator.fleet.sent_courses import Sent
 from coordinator.plan.staircases import Staircases
-from coordinator.proof.motion_pieces import Part
+from coordinator.proof.motion_pieces import Flights, Part
 from coordinator.proof.precedence import staircase_failures
 from coordinator.proof.tau_safety import separation_failures
 from robot_agent.core.ride import Ride
@@ -95,8 +95,9 @@ class Checks:
             ends = [one.until for one in courses]
             part = Part(list(zip(since, ends, strict=True)), [True, False])
             driven = [one.driven for one in courses]
-            failures = separation_failures(driven, stairs.tau_ms / 1000.0, self._margin, part)
-            failures += staircase_failures(driven, stairs, self._margin, part)
+            flights = Flights(driven, part)
+            failures = separation_failures(flights, stairs.tau_ms / 1000.0, self._margin)
+            failures += staircase_failures(flights, stairs, self._margin)
             self._proven[key] = failures, courses, every
         if self._proven[key][0]:
             raise BrokenError(f"{mine[0]} and {others[0]} are not proven together")

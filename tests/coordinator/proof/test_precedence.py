@@ -7,6 +7,7 @@ import pytest
 
 from coordinator.base.errors import PlanError
 from coordinator.planning.planner import plan_fleet
+from coordinator.proof.motion_pieces import Flights
 from coordinator.proof.precedence import staircase_failures
 from sim.floors.generator import generate
 from tests.scenarios import random_scenario
@@ -34,13 +35,13 @@ def test_staircases_of_random_plans_are_proven(seed):
         driven, staircases, margin = planned(random_scenario(seed))
     except PlanError:
         pytest.skip("no plan")
-    assert staircase_failures(driven, staircases, margin) == []
+    assert staircase_failures(Flights(driven), staircases, margin) == []
 
 
 @pytest.mark.parametrize("kind", ["warehouse", "rooms", "ring", "circle", "open", "u-traps"])
 def test_staircases_of_whole_floors_are_proven(kind):
     driven, staircases, margin = planned(generate(kind, 12, 2))
-    assert staircase_failures(driven, staircases, margin) == []
+    assert staircase_failures(Flights(driven), staircases, margin) == []
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +62,7 @@ def test_a_staircase_left_out_is_found(plan):
             at=staircases.at[knots],
             need=staircases.need[knots],
         )
-        assert named(staircase_failures(driven, rest, margin), driven, staircases, pair)
+        assert named(staircase_failures(Flights(driven), rest, margin), driven, staircases, pair)
 
 
 def test_a_staircase_too_low_is_found(plan):
@@ -69,7 +70,7 @@ def test_a_staircase_too_low_is_found(plan):
     for pair in range(len(staircases.ahead)):
         need = staircases.need.copy()
         need[staircases.first[pair] : staircases.first[pair + 1]] -= LOWER
-        failures = staircase_failures(driven, replace(staircases, need=need), margin)
+        failures = staircase_failures(Flights(driven), replace(staircases, need=need), margin)
         assert named(failures, driven, staircases, pair)
 
 
@@ -78,7 +79,7 @@ def test_a_staircase_too_late_is_found(plan):
     for pair in range(len(staircases.ahead)):
         at = staircases.at.copy()
         at[staircases.first[pair] : staircases.first[pair + 1]] += LOWER
-        failures = staircase_failures(driven, replace(staircases, at=at), margin)
+        failures = staircase_failures(Flights(driven), replace(staircases, at=at), margin)
         assert named(failures, driven, staircases, pair)
 
 
@@ -93,7 +94,7 @@ def test_one_step_too_low_is_found(plan):
         if knot == staircases.first[pair] or need[knot] > staircases.need[knot] - LOWER:
             continue
         looked += 1
-        failures = staircase_failures(driven, replace(staircases, need=need), margin)
+        failures = staircase_failures(Flights(driven), replace(staircases, need=need), margin)
         found += named(failures, driven, staircases, pair)
     assert looked > 5
     assert found == looked
@@ -110,5 +111,5 @@ def test_more_failures_than_can_be_read_are_counted(plan):
         need=staircases.need[:0],
     )
     count = len(staircases.ahead)
-    failures = staircase_failures(driven, none, margin)
+    failures = staircase_failures(Flights(driven), none, margin)
     assert len(failures) == min(count, 21)

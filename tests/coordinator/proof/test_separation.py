@@ -89,7 +89,7 @@ def sampled(fleet, a, b, tau, step=0.01):
 def test_the_least_slack_is_never_far_above_that_of_sampling_and_not_far_below(seed):
     fleet = a_fleet(seed)
     keep = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
-    closest = Separation(fleet, TAU).least(keep)
+    closest = Separation(Flights(fleet), TAU).least(keep)
     unsure = 10.0 * max(one.arc_error for one in fleet)
     slacks = {}
     for a in range(5):
@@ -110,11 +110,11 @@ def test_the_least_slack_is_never_far_above_that_of_sampling_and_not_far_below(s
 def test_every_pair_that_comes_too_near_is_told_with_its_own_worst_place(seed):
     fleet = a_fleet(seed, 8)
     keep = np.full(8, 0.15)
-    found = Separation(fleet, TAU).below(keep, -TOLERANCE)
+    found = Separation(Flights(fleet), TAU).below(keep, -TOLERANCE)
     alone = {}
     for a in range(8):
         for b in range(a + 1, 8):
-            pair = Separation([fleet[a], fleet[b]], TAU).least(keep[:2])
+            pair = Separation(Flights([fleet[a], fleet[b]]), TAU).least(keep[:2])
             if pair.slack < -TOLERANCE:
                 alone[a, b] = pair.slack
     assert {(one.a, one.b) for one in found} == set(alone)
@@ -129,7 +129,7 @@ def test_of_a_part_only_the_courses_asked_for_are_compared_and_only_in_their_spa
     spans = [tuple(np.sort(dice.uniform(0.0, 25.0, 2)).tolist()) for _ in fleet]
     spans[1] = (spans[1][0], np.inf)
     part = Part(spans, [index == 2 for index in range(5)])
-    found = Separation(fleet, TAU, part).least(np.zeros(5))
+    found = Separation(Flights(fleet, part), TAU).least(np.zeros(5))
     least = np.inf
     for index in (0, 1, 3, 4):
         mine, his = (
@@ -202,10 +202,10 @@ def test_a_fleet_that_stands_far_apart_is_measured_as_well():
     fleet = drive(
         a_document([straight("A", (0, 0), (1, 0), 0.1), straight("B", (900, 0), (901, 0), 0.1)])
     )
-    closest = Separation(fleet, TAU).least(np.array([0.1, 0.1]))
+    closest = Separation(Flights(fleet), TAU).least(np.array([0.1, 0.1]))
     least, error = sampled(fleet, 0, 1, TAU)
     assert least - error <= closest.distance <= least + RESOLUTION
-    assert Separation(fleet[:1], TAU).least(np.array([0.1])) is None
+    assert Separation(Flights(fleet[:1]), TAU).least(np.array([0.1])) is None
 
 
 def test_the_tightest_pair_and_the_nearest_pair_are_told_apart():
@@ -215,7 +215,7 @@ def test_the_tightest_pair_and_the_nearest_pair_are_told_apart():
         straight("C", (0, 9), (4, 9), 0.1),
         straight("D", (0, 9.6), (4, 9.6), 0.1),
     ]
-    apart = prove_separation(drive(a_document(robots)), TAU, 0.05)
+    apart = prove_separation(Flights(drive(a_document(robots))), TAU, 0.05)
     assert apart.separation == pytest.approx(0.6, abs=RESOLUTION)
     assert apart.slack == pytest.approx(0.15, abs=RESOLUTION)
     tightest, nearest_pair = apart.tightest.split("; the least separation is another pair's: ")

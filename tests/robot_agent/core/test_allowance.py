@@ -9,6 +9,7 @@ import pytest
 
 from coordinator.plan.wire import drive
 from coordinator.planning.planner import plan_scenario
+from coordinator.proof.motion_pieces import Flights
 from coordinator.proof.separation import Separation
 from coordinator.proof.verify import prove_document
 from protocol.curve import Curve
@@ -115,7 +116,7 @@ def test_robots_that_use_all_they_may_do_not_touch_by_a_plan_that_is_just_accept
     assert -1.3e-3 < prove_document(tight).least_slack < -0.7e-3
     driven = drive(tight)
     keep = np.array([one.radius + 0.5 * margin for one in driven])
-    near = Separation(driven, TAU).least(keep)
+    near = Separation(Flights(driven), TAU).least(keep)
     times = (near.t_a, near.t_b)
     a, b = (
         one.curve.at_arc([one.timeline.s_at(t)])[0] for one, t in zip(driven, times, strict=True)
