@@ -73,7 +73,7 @@ def explain(
             if not shapely.intersects_xy(floor.outline, x, y):
                 by = f"({x:.2f}, {y:.2f}) is off the floor"
     return EnclosedError(
-        f"no way from ({start[0]:.2f}, {start[1]:.2f}) to ({goal[0]:.2f}, {goal[1]:.2f}) for "
+        f"has no way from ({start[0]:.2f}, {start[1]:.2f}) to ({goal[0]:.2f}, {goal[1]:.2f}) for "
         f"radius {robot.radius:.6g} m + margin {margin:.6g} m: {by}",
         (float(goal[0]), float(goal[1])),
         _largest_radius(error, floor, robot.radius, margin),

@@ -357,7 +357,7 @@ class Dispatcher:
         # One who closes its way may go on again.
         is_closed &= not (task.order.robot and asked.goes_around)
         if task.makes_room or is_closed:
-            book.end(task, REFUSED, f"{robot}: {answer.reason}")
+            book.end(task, REFUSED, f"{robot} {answer.reason}")
             self._ways.pop(task.order.id, None)
             if asked.leaves and task.revision > 0 and book.of_robot(robot) is None:
                 book.leave(task, robot, now_ms)  # Its course still leads there.
@@ -365,7 +365,7 @@ class Dispatcher:
         self._tried[task.order.id] = (state, now_ms)
         by = ", ".join(dict.fromkeys(answer.blockers))
         if not asked.follows:  # Until it has arrived, its order waits for that.
-            task.reason = f"waits for {by}" if by else f"{robot}: {answer.reason}"
+            task.reason = f"waits for {by}" if by else f"{robot} {answer.reason}"
         if not task.order.robot:
             task.robot = ""
         if task.rooms >= _MOST_ROOMS:

@@ -7,7 +7,8 @@ from coordinator.base.kept import kept
 
 
 class Owner:
-    pass
+    def __init__(self, name):
+        self.name = name
 
 
 def test_a_result_is_found_once_per_object_and_arguments_and_goes_with_the_object():
@@ -16,12 +17,12 @@ def test_a_result_is_found_once_per_object_and_arguments_and_goes_with_the_objec
     @kept
     def found(owner, *others):
         calls.append(others)
-        return [len(vars(owner)), *others]
+        return [owner.name, *others]
 
-    owner, other = Owner(), Owner()
+    owner, other = Owner("a"), Owner("b")
     assert found(owner, 1) is found(owner, 1)
-    assert found(owner, 2) == [0, 2]
-    assert found(other, 1) == [0, 1]
+    assert found(owner, 2) == ["a", 2]
+    assert found(other, 1) == ["b", 1]
     assert calls == [(1,), (2,), (1,)]
     gone = weakref.ref(owner)
     del owner

@@ -47,7 +47,7 @@ def test_an_enclosed_place_is_told_with_the_walls_around_it(turned):
     ends = ((1.0, 4.0), (7.0, 4.0))
     robot = a_robot("A7", *(ends[::-1] if turned else ends))
     text = refusal([robot], [box(1, 6, 2, 7), *YARD])
-    assert text.startswith("A7: no way from (")
+    assert text.startswith("A7: has no way from (")
     assert "radius 0.2 m + margin 0.02 m" in text
     assert named(text) == {1, 2, 3, 4}
     assert "close it in" in text
@@ -114,7 +114,7 @@ def test_refusals_on_random_floors_are_right_and_name_what_is_near():
         assert graph.length(*places) == math.inf
         robot = a_robot("R1", *map(tuple, places), radius=reach - MARGIN)
         text = refusal([robot], floor.obstacles, floor.boundary)
-        assert text.startswith("R1: no way from (")
+        assert text.startswith("R1: has no way from (")
         room = shapely.Polygon(floor.boundary) - shapely.buffer(solid_of(floor), reach)
         pieces = shapely.get_parts(room)
         around = [

@@ -323,7 +323,7 @@ def test_via_points_behind_a_door_that_a_dead_robot_closes_are_dropped_when_nobo
     closed = replace(scenario, robots=(scenario.robots[0], beyond))
     found = recovered(closed, documents, stands, rests("B", 0.05))
     (said,) = found.said
-    assert said.startswith("B stays where it is: no way from (2.00, 1.00) to (9.00, 1.00)")
+    assert said.startswith("B stays where it is: has no way from (2.00, 1.00) to (9.00, 1.00)")
 
 
 def test_of_via_points_that_only_together_have_no_way_as_few_of_the_last_are_left_out(monkeypatch):

@@ -98,7 +98,7 @@ def test_on_500_floors_curves_are_clear_c2_float32_and_hardly_longer_than_the_sh
     for floor, ends, finder in robots_on_500_floors():
         way = finder.floor.ground(floor.reach).shortest_way(*ends, NO_DISCS)
         if way is None:
-            with pytest.raises(PlanError, match=r"^R1: no way from"):
+            with pytest.raises(PlanError, match=r"^R1: has no way from"):
                 finder.path(0)
             continue
         curve = finder.path(0)

@@ -100,7 +100,7 @@ def test_a_corridor_too_narrow_to_pass_names_both_robots():
 def test_an_enclosed_goal_names_the_robot_and_the_obstacle():
     walls = [box(6, 2, 9, 2.3), box(6, 4.7, 9, 5), box(6, 2, 6.3, 5), box(8.7, 2, 9, 5)]
     robots = [a_robot("Ann", (1, 1), (7.5, 3.5)), a_robot("Bob", (1, 6), (4, 6))]
-    with pytest.raises(PlanError, match=r"Ann: no way from .* to \(7\.50, 3\.50\)") as caught:
+    with pytest.raises(PlanError, match=r"Ann: has no way from .* to \(7\.50, 3\.50\)") as caught:
         plan_scenario(a_scenario(robots, obstacles=walls))
     assert "workspace.obstacles[0]" in str(caught.value)
 

@@ -36,7 +36,7 @@ def test_a_robot_that_is_closed_in_is_blamed_with_the_radius_that_would_pass():
     assert isinstance(error, EnclosedError)
     assert (error.robot, error.blames, error.place) == ("R1", "R1", (9, 4))
     assert error.radius == pytest.approx(0.1, abs=1e-3)
-    assert str(error).startswith("R1: no way from (1.00, 4.00) to (9.00, 4.00)")
+    assert str(error).startswith("R1: has no way from (1.00, 4.00) to (9.00, 4.00)")
     assert not error.sentence.startswith("R1")
 
 

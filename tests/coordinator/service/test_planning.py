@@ -23,9 +23,9 @@ def test_all_robots_that_no_door_is_wide_enough_for_are_told():
 
 
 def test_a_single_robot_and_a_later_epoch_have_the_error_of_the_planner():
-    with pytest.raises(PlanError, match=r"^R: no way") as caught:
+    with pytest.raises(PlanError, match=r"^R: has no way") as caught:
         plan_here(a_scenario([RIGHT, SMALL], obstacles=DOOR), effort=0)
     assert not isinstance(caught.value, SeveralRobotsError)
-    with pytest.raises(PlanError, match=r"^L: no way") as caught:
+    with pytest.raises(PlanError, match=r"^L: has no way") as caught:
         plan_here(a_scenario([LEFT, RIGHT], obstacles=DOOR), effort=0, epoch=2)
     assert not isinstance(caught.value, SeveralRobotsError)
