@@ -157,7 +157,9 @@ def test_a_start_inside_an_obstacle_never_gets_a_way_out():
 
 def test_an_enclosed_goal_is_refused_with_the_names_of_what_encloses_it():
     walls = [box(5, 2, 9, 2.3), box(5, 5.7, 9, 6), box(5, 2, 5.3, 6), box(8.7, 2, 9, 6)]
-    with pytest.raises(PlanError, match=r"^A: has no way .* workspace\.obstacles\[0\] .*close it in"):
+    with pytest.raises(
+        PlanError, match=r"^A: has no way .* workspace\.obstacles\[0\] .*close it in"
+    ):
         path_of([a_robot("A", (1.0, 4.0), (7.0, 4.0))], walls)
 
 
