@@ -174,6 +174,8 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
         tab.picture(pictures.with_name(f"{pictures.name}-before-{number}.png"))
         act(f"order {number}", "#order-send", _ordered(name))
     first, second = robots[0], robots[1]
+    _choose_place(tab, robots[2], 0.1)  # The orders before may be done on a small floor.
+    _click(tab, "document.querySelector('#order-send')")
     act("cancel", "#orders li:not([hidden]) .cancel:not([hidden])", "/cancelled/.test(text)")
     _choose_place(tab, second, 0.6, at_once=True)
     act("redirect", "#order-send", _ordered(second))
