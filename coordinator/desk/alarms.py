@@ -17,12 +17,12 @@ from protocol.messages import REFUSED, WAITING, OrderState
 from protocol.phases import IDLE, PHASE_NAMES
 
 _LOST: Final = (
-    "Press STOP before you walk in. It may not hear STOP: keep away until you see it stand, and "
-    "switch it off before you touch it. Start its program where it stands and admit it; or carry "
-    "it away and take it out. Others keep away from where it may stand."
+    "Walk in only while the fleet is stopped. It may not hear STOP: keep away until you see it "
+    "stand, and switch it off before you touch it. Start its program where it stands and admit it; "
+    "or carry it away and take it out. Others keep away from where it may stand."
 )
 _BACK: Final = (
-    "Press STOP before you walk in. Admit it if it stands where it says; "
+    "Walk in only while the fleet is stopped. Admit it if it stands where it says; "
     "or carry it away and take it out."
 )
 _FAULTS: Final = {
@@ -33,8 +33,8 @@ _FAULTS: Final = {
 }
 
 _OUTSIDE: Final = (
-    "Press STOP before you walk in: nobody keeps away from it. Switch it off and carry it away; "
-    "or join it where it stands."
+    "Walk in only while the fleet is stopped: nobody keeps away from it. Switch it off and carry "
+    "it away; or join it where it stands."
 )
 
 _OFTEN: Final = 3
@@ -203,9 +203,9 @@ def _trouble_of(robot: RobotState, now: float) -> Alarm | None:
         if robot.stretch:
             first, last = (f"({x:.1f}, {y:.1f})" for x, y in (robot.stretch[0], robot.stretch[-1]))
             text += (
-                f". It stands at {last}"
+                f". By its course it stands at {last}"
                 if first == last
-                else f". It stands, or will stop, between {first} and {last}"
+                else f". By its course it stands, or will stop, between {first} and {last}"
             )
         return Alarm(
             id=f"lost-{robot.id}", since=now - robot.age, text=text, todo=_LOST, robot=robot.id

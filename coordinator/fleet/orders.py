@@ -419,7 +419,7 @@ class OrderBook:
             urgent = others[0]
         else:
             urgent = self.room_for(robot, task.order.goal, task.order.id, now_ms)
-            urgent.reason = f"leaves {task.order.id}"
+            urgent.reason = urgent.purpose = f"leaves {task.order.id}"
         urgent.is_urgent, urgent.leaves = True, task.revision
 
     def put_back(self, robot: str) -> None:

@@ -139,7 +139,7 @@ def test_the_one_behind_a_killed_robot_is_sent_around_it_and_says_nowhere_where_
     done = splinefleet("run", scenario, "--out", folder, "--fault", "kill:R1@2", "--json")
     assert done.returncode == 1, done.stderr
     assert "R1 has lost its link" in done.stderr
-    assert "R1 is not heard. It stands, or will stop, between" in done.stderr
+    assert "R1 is not heard. By its course it stands, or will stop, between" in done.stderr
     records = read_log(folder / "run.mcap").records
     messages = [decode(record.key.split("/")[2], record.payload) for record in records]
     assert not any(isinstance(m, Command) and m.phase == FREEZE for m in messages)

@@ -110,10 +110,10 @@ class Desk {
     return Boolean(this.fleet && this.fleet.is_heard && robot && robot.age !== null && !robot.is_heard);
   }
 
-  /** Whether a robot is heard, but has no course. */
+  /** Whether a robot is heard, but has no course and no order that will give it one. */
   isBack(name) {
     const robot = this.robots.get(name);
-    return Boolean(this.fleet?.is_heard && robot?.is_heard && robot.phase === "idle");
+    return Boolean(this.fleet?.is_heard && robot?.is_heard && robot.phase === "idle" && !robot.order);
   }
 
   forget(names) {
@@ -123,7 +123,7 @@ class Desk {
   /** What can be done with a robot, {act, later: why not yet}: one that drives is left alone. */
   acts(name) {
     const robot = this.robots.get(name), leave = { act: "leave", later: "" };
-    const asked = this.pressed.get(name) === "admit" ? "is asked for" : "";
+    const asked = this.pressed.get(name) === "admit" ? "(asked)" : "";
     if (!robot || !mayCommand) return [];
     if (!robot.is_heard) return [{ act: "admit", later: "once heard" }, leave];
     if (["idle", "frozen"].includes(robot.phase)) return [{ act: "admit", later: asked }, leave];

@@ -11,15 +11,16 @@ function fleetState(phase, found) {
   const [words, colour] = FLEET[phase] ?? ["", ""];
   if (!words || !found) return [words && `${words}; the page shows the past`, colour];
   const count = (test) => found.filter((robot) => robot && test(robot)).length;
-  const braking = count((robot) => robot.state === "brakes"), moving = count((robot) => robot.v > STANDS);
+  const braking = count((robot) => robot.state === "brakes");
+  const driving = count((robot) => robot.state === "drives" || robot.v > STANDS);
   const unheard = count((robot) => robot.state === "unheard"), more = unheard ? `; ${unheard} not heard` : "";
-  const moves = moving ? `${moving} moving` : "robots may start at any time";
+  const moves = driving ? `${driving} driving` : "robots may start at any time";
   if (phase === "stop" && braking) return [`braking: ${braking} still moving${more}`, "brakes"];
   if (phase === "stop") return [`stopped: all stand${more}`, colour];
   return phase === "go" ? [`running: ${moves}${more}`, unheard ? "warns" : colour] : [words, colour];
 }
 
-/** Say so in a badge, and what the button beside it does: while robots brake, it takes STOP back. */
+/** Say so in a badge, and what the button beside it does; STOP shows that it is pressed. */
 function tellFleet(phase, found) {
   const [words, colour] = fleetState(phase, found);
   write(byId("state"), words);
@@ -27,7 +28,8 @@ function tellFleet(phase, found) {
   const brakes = colour === "brakes";
   update(byId("go-on"), {
     hidden: phase !== "stop",
-    textContent: brakes ? "cancel STOP" : "go on",
-    title: brakes ? "Robots still brake: let them drive on" : "Let the fleet go on where it was stopped",
+    textContent: "resume",
+    title: brakes ? "Robots still brake: let them drive on at once" : "Let the fleet go on where it was stopped",
   });
+  byId("stop").setAttribute("aria-pressed", String(phase === "stop"));
 }

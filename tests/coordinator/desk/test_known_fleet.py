@@ -193,7 +193,9 @@ def test_a_robot_that_is_lost_stands_between_where_it_was_heard_and_where_its_au
     (x, y), (u, v) = robot.stretch[0], robot.stretch[-1]
     (alarm,) = known.alarms.now()
     where = f"between ({x:.1f}, {y:.1f}) and ({u:.1f}, {v:.1f})"
-    assert alarm.text == f"{plan.robot} is not heard. It stands, or will stop, {where}"
+    assert (
+        alarm.text == f"{plan.robot} is not heard. By its course it stands, or will stop, {where}"
+    )
     assert "It may not hear STOP: keep away until you see it stand" in alarm.todo
 
 
@@ -207,7 +209,7 @@ def test_a_robot_that_is_lost_at_its_goal_stands_there():
     fleet_of((keys.command(FLEET), later), known=known, at=100.0)
     x, y = driven.curve.at_arc([driven.timeline.s_at(100.0)])[0]
     (alarm,) = known.answer(100.0, {}).alarms
-    assert alarm.text == f"{plan.robot} is not heard. It stands at ({x:.1f}, {y:.1f})"
+    assert alarm.text == f"{plan.robot} is not heard. By its course it stands at ({x:.1f}, {y:.1f})"
 
 
 def test_a_robot_that_is_back_without_a_course_calls_until_it_has_one():
