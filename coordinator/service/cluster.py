@@ -60,31 +60,37 @@ def executor_on(address: str) -> Generator[Executor]:
     from distributed import Client, KilledWorker
     from distributed.comm.core import CommClosedError
 
-    logging.disable()  # People are told what went wrong by this command, once.
-    dask.config.set(
-        {
-            "admin.large-graph-warning-threshold": "10GB",
-            "distributed.comm.timeouts.connect": f"{_PATIENCE_S:g}s",
-        }
-    )
-    kind = asyncio.run(_kind_at(address))
-    if kind != "Scheduler":
-        raise InputError([f"--cluster: {address} is not the address of a scheduler: {kind}"])
-    with warnings.catch_warnings(action="ignore"):
-        client = Client(address, timeout=_PATIENCE_S, set_as_default=False)
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=_PATIENCE_S)
-        except TimeoutError:
-            raise InputError([f"--cluster: {address} has no worker"]) from None
-        try:
-            yield _Cluster(client)
-        except ModuleNotFoundError as error:
-            raise ClusterError(f"a worker of {address} has no module {error.name}") from None
-        except KilledWorker as error:
-            raise ClusterError(f"{address}: workers died of the same task: {error.task}") from None
-        except (CancelledError, CommClosedError):
-            raise ClusterError(f"{address}: the scheduler is gone") from None
+    # People are told what went wrong by this command, once.
+    logging.getLogger("distributed").addFilter(_tells_nothing)
+    logging.getLogger("distributed.client").addFilter(_tells_nothing)
+    options = {
+        "admin.large-graph-warning-threshold": "10GB",
+        "distributed.comm.timeouts.connect": f"{_PATIENCE_S:g}s",
+    }
+    with dask.config.set(options):
+        kind = asyncio.run(_kind_at(address))
+        if kind != "Scheduler":
+            raise InputError([f"--cluster: {address} is not the address of a scheduler: {kind}"])
+        with warnings.catch_warnings(action="ignore"):
+            client = Client(address, timeout=_PATIENCE_S, set_as_default=False)
+        with client:
+            try:
+                client.wait_for_workers(1, timeout=_PATIENCE_S)
+            except TimeoutError:
+                raise InputError([f"--cluster: {address} has no worker"]) from None
+            try:
+                yield _Cluster(client)
+            except ModuleNotFoundError as error:
+                raise ClusterError(f"a worker of {address} has no module {error.name}") from None
+            except KilledWorker as error:
+                task = error.task
+                raise ClusterError(f"{address}: workers died of the same task: {task}") from None
+            except (CancelledError, CommClosedError):
+                raise ClusterError(f"{address}: the scheduler is gone") from None
+
+
+def _tells_nothing(_record: logging.LogRecord) -> bool:
+    return False
 
 
 async def _kind_at(address: str) -> str:

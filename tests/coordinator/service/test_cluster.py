@@ -6,6 +6,7 @@ import pickle
 import socket
 from contextlib import contextmanager
 
+import dask
 import distributed
 import pytest
 from msgspec.structs import replace
@@ -25,14 +26,17 @@ PAPER = str(ROOT / "examples" / "paper_five.toml")
 
 @contextmanager
 def workers(count):
-    with distributed.LocalCluster(
-        n_workers=count,
-        processes=False,
-        threads_per_worker=1,
-        dashboard_address=":0",
-        protocol="tcp://",
-        host="127.0.0.1",
-    ) as made:
+    with (
+        dask.config.set({"distributed.comm.timeouts.connect": "120s"}),  # Busy machines are slow.
+        distributed.LocalCluster(
+            n_workers=count,
+            processes=False,
+            threads_per_worker=1,
+            dashboard_address=":0",
+            protocol="tcp://",
+            host="127.0.0.1",
+        ) as made,
+    ):
         yield made
 
 
