@@ -17,6 +17,10 @@ class InputError(Exception):
         super().__init__("\n".join(problems))
         self.problems = tuple(problems)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Return how to copy or pickle the error: by its fields."""
+        return _with_fields, (type(self), self.args, self.__dict__)
+
 
 class PartsError(InputError):
     """Some `robots` of a plan have no Plan message, or one that they would not accept."""
@@ -72,8 +76,8 @@ class PlanError(Exception):
 
 
 def _with_fields(
-    kind: type[PlanError], args: tuple[object, ...], fields: dict[str, object]
-) -> PlanError:
+    kind: type[Exception], args: tuple[object, ...], fields: dict[str, object]
+) -> Exception:
     error = kind.__new__(kind, *args)
     error.__dict__.update(fields)
     return error

@@ -22,7 +22,10 @@ Handler = Callable[[Commands, str, Any, str], Awaitable[object]]
 
 
 class Endpoint(NamedTuple):
-    """A method on a path; `answer`: the type of the answer; `statuses`: what else may come."""
+    """A method on a path; `answer`: the type of the answer; `statuses`: what else may come.
+
+    `takes_any`: whatever the body is, it is not looked at.
+    """
 
     method: str
     path: str
@@ -33,6 +36,7 @@ class Endpoint(NamedTuple):
     right: Right = Right.COMMAND
     status: int = 200
     statuses: tuple[int, ...] = ()
+    takes_any: bool = False
 
 
 async def _now(answer: object) -> object:
@@ -88,6 +92,7 @@ ENDPOINTS: Final = (
         PreviewAnswer,
         lambda commands, _, body, __: commands.preview(body),
         OrderBody,
+        right=Right.LOOK,
         statuses=_ASKED,
     ),
     Endpoint(
@@ -105,6 +110,7 @@ ENDPOINTS: Final = (
         Phase,
         lambda commands, _, __, by: commands.freeze(by),
         statuses=_ASKED,
+        takes_any=True,
     ),
     Endpoint(
         "POST",

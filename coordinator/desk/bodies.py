@@ -12,6 +12,7 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 
 from coordinator.base.errors import InputError
+from coordinator.scenario.checks import LEAST
 from protocol.messages import (
     MOST_PRIORITY,
     MOST_VIAS,
@@ -29,9 +30,9 @@ Anybody = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{0,32}(?!\n)$")]
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
 Priority = Annotated[int, msgspec.Meta(ge=-MOST_PRIORITY, le=MOST_PRIORITY)]
 Goal = Annotated[tuple[Coordinate, ...], msgspec.Meta(min_length=2, max_length=3)]
-Length = Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
+Length = Annotated[float, msgspec.Meta(ge=LEAST, le=100.0)]
 Radius = Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)]
-Rate = Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)]
+Rate = Annotated[float, msgspec.Meta(ge=LEAST, le=1000.0)]
 
 
 class OrderBody(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -13,6 +13,8 @@ from functools import partial
 from itertools import count
 from typing import Final, TypeVar
 
+from msgspec.structs import astuple
+
 from coordinator.base.errors import InputError
 from coordinator.desk.answers import FleetAnswer, Phase, Place, PreviewAnswer, Told
 from coordinator.desk.bodies import BlockBody, JoinBody, OrderBody, read_name
@@ -38,6 +40,7 @@ from protocol.messages import (
     Block,
     Cancel,
     Command,
+    Join,
     Leave,
     Message,
     Operators,
@@ -79,6 +82,8 @@ class Commands:
         self._line = line
         self.previews = Previews(line.floor)
         self._states_asked = 0
+        self._joins: dict[str, Join] = {}
+        """The robots that this desk took in, and that were not taken out here since."""
 
     def fleet(self) -> FleetAnswer:
         """Return the fleet as it is known."""
@@ -97,6 +102,8 @@ class Commands:
 
     async def give_order(self, body: OrderBody, by: str) -> OrderSummary:
         """Give an order and return what has become of it so far."""
+        if body.now and not body.robot:
+            raise Refused(400, "now: takes a robot, which leaves what it does")
         given = body.message(self._line.boot, f"order-{os.urandom(4).hex()}", self._by(by))
 
         def settled(message: Message) -> OrderState | None:
@@ -131,7 +138,7 @@ class Commands:
         over = partial(_state_of, name=name, within=ENDED)
         state = _answered(await self._line.ask(keys.order, asked, over, PATIENCE_S))
         if state.state == REFUSED:
-            raise Refused(404, state.reason)
+            raise Refused(404 if state.released_ms is None else 409, state.reason)
         if state.state == ORDER_DONE:
             raise Refused(409, f"{name} is done already")
         return OrderSummary.of(state)
@@ -176,7 +183,8 @@ class Commands:
         key = partial(keys.admit, robot=robot)
         answer = await self._line.ask(key, asked, heard, _ADMIT_S)
         if answer is None:
-            raise Refused(504, f"{robot} is not in the fleet yet; is it back, and does it rest?")
+            why = "it is not back, does not rest, or waits for others to be out of its way"
+            raise Refused(504, f"{robot} has no course within {_ADMIT_S:g} s: {why}")
         if not asking.admitted:
             raise Refused(409, answer)
         return Told(robot, answer)
@@ -184,9 +192,18 @@ class Commands:
     async def join(self, robot: str, body: JoinBody, by: str) -> Told:
         """Take a robot into the fleet; its program may start later."""
         message = body.message(self._line.boot, _name(robot, "robot"), self._by(by))
+        before = self._joins.get(robot)
+        if before is not None and astuple(message)[1:-1] != astuple(before)[1:-1]:
+            x, y, heading = before.place
+            raise Refused(
+                409,
+                f"{robot} was joined at ({x:g}, {y:g}, {heading:g}) already, from another place or "
+                "with other limits; take it out first",
+            )
         state = await self._asked_order(message, f"{JOIN}{robot}")
         if state.state in (REFUSED, CANCELLED):
             raise Refused(409, state.reason)
+        self._joins[robot] = message
         joined = state.state == ORDER_DONE
         return Told(robot, f"{robot} {'has joined' if joined else 'joins when it is heard'}")
 
@@ -196,6 +213,7 @@ class Commands:
         state = await self._asked_order(message, f"{LEAVE}{robot}")
         if state.state != ORDER_DONE:
             raise Refused(409, state.reason)
+        self._joins.pop(robot, None)
         return Told(robot, f"{robot} has left" + (f". {state.reason}" if state.reason else ""))
 
     def blocks(self) -> list[Place]:

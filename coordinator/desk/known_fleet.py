@@ -183,7 +183,14 @@ class KnownFleet:
         self, now: float, held: Mapping[str, tuple[str, float]] | None = None
     ) -> list[RobotState]:
         """Return the state of each robot; `held` as in `answer`."""
-        return [self._robot(name, now, held or {}) for name in sorted(self._robots)]
+        return [self._robot(one, now, held or {}) for one in sorted(self._robots) if self.has(one)]
+
+    def has(self, name: str) -> bool:
+        """Return whether a robot is in the fleet: it was sent a course, or has joined.
+
+        Any program may report under any name.  As long as no course is known, all count.
+        """
+        return name in self.plans or name in self.joined or not self.plans
 
     def plan_time(self, now: float) -> float:
         """Return the plan time [s] now; it stands unless the fleet drives, and is 0 before GO."""
@@ -206,7 +213,7 @@ class KnownFleet:
     def seen(self, name: str, now: float) -> Seen | None:
         """Return a robot as a VDA 5050 state tells of it; None if it was never heard."""
         heard = self._robots.get(name)
-        if heard is None:
+        if heard is None or not self.has(name):
             return None
         report = heard.report
         mine = [one for one in self.orders.values() if one.robot == name]
@@ -315,6 +322,7 @@ class KnownFleet:
                 self._outside[state.robot] = -math.inf
             self._left.add(state.robot)
             self.plans.pop(state.robot, None)
+            self.joined.pop(state.robot, None)
             self.alarms.forget(state.robot)
 
 

@@ -22,7 +22,7 @@ import msgspec
 import uvicorn
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, Response, StreamingResponse
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -134,7 +134,8 @@ class Desk:
             if party.right < endpoint.right:
                 raise HTTPException(403, "this takes the key of an operator")
             try:
-                body = read_body(endpoint.body, await _read(request))
+                data = await _read(request)
+                body = read_body(endpoint.body, b"" if endpoint.takes_any else data)
                 name = str(request.path_params.get("name", ""))
                 answer = await endpoint.handler(self._commands, name, body, party.name)
             except InputError as error:
@@ -261,13 +262,14 @@ def _app(
 
     async def problem(_: Request, error: Exception) -> Response:
         status, text = 500, "the desk has failed at this request"
+        if isinstance(error, ClientDisconnect):
+            status, text = 400, "the body has not come to its end"
         if isinstance(error, HTTPException):
             status, text = error.status_code, error.detail
         return _problem(status, text)
 
-    inner = Starlette(
-        routes=routes, lifespan=lifespan, exception_handlers={HTTPException: problem, 500: problem}
-    )
+    handlers = dict.fromkeys((HTTPException, ClientDisconnect, 500), problem)
+    inner = Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers)
     inner.state.is_ending = False
     if answers is not None:
         inner.add_middleware(_Counted, answers=answers)
@@ -304,11 +306,13 @@ def _local(
 async def _read(request: Request) -> bytes:
     """Return a request's body; raise HTTPException if it is too long or no JSON."""
     data = bytearray()
+    if int(request.headers.get("content-length", "0")) > _MOST_BYTES:
+        raise HTTPException(413, f"the body is longer than {_MOST_BYTES} bytes")
     async for chunk in request.stream():
         data += chunk
         if len(data) > _MOST_BYTES:
             raise HTTPException(413, f"the body is longer than {_MOST_BYTES} bytes")
-    kind = request.headers.get("content-type", "").partition(";")[0].strip()
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if data and kind != "application/json":
         raise HTTPException(415, "the body has to be application/json")
     return bytes(data)

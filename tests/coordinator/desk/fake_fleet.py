@@ -85,8 +85,9 @@ class FakeFleet(Transport):
             self._busy.add(message.robot or "R1")
             self._state(message.id, state if is_known else REFUSED, message.robot, why)
         elif isinstance(message, Cancel):
-            known = {"done": ORDER_DONE, "under-way": 3}
-            self._state(message.id, known.get(message.id, REFUSED), "", "there is no such order")
+            known = {"done": ORDER_DONE, "under-way": 3, "refused": REFUSED}
+            state, why = known.get(message.id, REFUSED), "there is no such order"
+            self._state(message.id, state, "", why, 5 if message.id in known else None)
         elif isinstance(message, Leave | Join):
             kind = "leave" if isinstance(message, Leave) else "join"
             refused = message.robot == "R9"
@@ -101,8 +102,8 @@ class FakeFleet(Transport):
             self.phase = {HALT: STOP, END: self.phase}.get(message.what, GO)
             self.beat()
 
-    def _state(self, name, state, robot, reason):
-        told = OrderState(name, state, robot, released_ms=5, reason=reason)
+    def _state(self, name, state, robot, reason, released_ms=5):
+        told = OrderState(name, state, robot, released_ms=released_ms, reason=reason)
         self.tell(keys.orders(FLEET, name), told)
 
     def declare_alive(self, key):

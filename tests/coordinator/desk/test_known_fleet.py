@@ -212,6 +212,17 @@ def test_a_robot_that_is_lost_at_its_goal_stands_there():
     assert alarm.text == f"{plan.robot} is not heard. By its course it stands at ({x:.1f}, {y:.1f})"
 
 
+def test_a_program_that_reports_under_the_name_of_nobody_in_the_fleet_is_not_shown():
+    plan = plan_fleet(a_scenario(CROSSED), effort=0).driven[0].plan
+    known = fleet_of((keys.plan(FLEET, plan.robot), plan), command_at(1.0))
+    fleet_of(report(plan.robot), report("stray"), known=known)
+    fleet_of(command_at(60.0), at=60.0, known=known)
+    answer = known.answer(60.0, {})
+    assert [one.id for one in answer.robots] == [plan.robot]
+    assert [one.id for one in answer.alarms] == [f"lost-{plan.robot}"]
+    assert known.seen("stray", 60.0) is None
+
+
 def test_a_robot_that_is_back_without_a_course_calls_until_it_has_one():
     known = fleet_of(COMMAND, report("R1", phase=IDLE))
     assert known.answer(0.0, {}).alarms == []

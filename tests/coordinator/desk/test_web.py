@@ -144,7 +144,12 @@ def test_all_that_is_wrong_with_an_order_is_told_at_once(desk):
         ("GET", "api/orders/nosuch", None, 404),
         ("DELETE", "api/orders/nosuch", None, 404),
         ("DELETE", "api/orders/done", None, 409),
+        ("DELETE", "api/orders/refused", None, 409),
         ("DELETE", "api/orders/under-way", None, 200),
+        ("POST", "api/freeze", {"reason": "fire"}, 200),
+        ("POST", "api/resume", {"reason": "out"}, 400),
+        ("POST", "api/orders", {"goal": [1, 2], "now": True}, 400),
+        ("POST", "api/robots/R2/join", {"at": [1, 2, 0], "max_accel": 1e-300}, 400),
         ("POST", "api/robots/R1/admit", None, 409),
         ("POST", "api/robots/R2/join", {"at": [1, 2, 0]}, 202),
         ("POST", "api/robots/R9/join", {"at": [1, 2, 0]}, 409),
@@ -173,6 +178,30 @@ def test_every_outcome_has_its_status_and_a_reason(desk, method, path, body, sta
     got, answer = ask(address, path, method, body)
     assert got == status
     assert (status < 400) == (not isinstance(answer, dict) or "error" not in answer)
+
+
+def test_a_robot_joins_again_at_its_place_and_at_no_other(desk):
+    _, address = desk
+    path, body = "api/robots/R3/join", {"at": [4.5, 1.6, 0.0], "radius": 0.25}
+    assert ask(address, path, "POST", body)[0] == 202
+    assert ask(address, path, "POST", body | {"at": [4.5, 1.2, 0.0]})[0] == 409
+    assert ask(address, path, "POST", body)[0] == 202
+    assert ask(address, "api/robots/R3/leave", "POST")[0] == 200
+    assert ask(address, path, "POST", body | {"at": [4.5, 1.2, 0.0]})[0] == 202
+
+
+def test_a_client_that_leaves_in_the_middle_of_its_body_prints_nothing(desk, caplog):
+    _, address = desk
+    host, port = address.removeprefix("http://").rstrip("/").split(":")
+    head = f"POST /api/orders HTTP/1.1\r\nHost: {host}:{port}\r\nContent-Type: application/json\r\n"
+    for _ in range(3):
+        with socket.create_connection((host, int(port))) as client:
+            client.sendall(f"{head}Content-Length: 9\r\n\r\n{{".encode())
+    with socket.create_connection((host, int(port)), timeout=5.0) as client:
+        client.sendall(f"{head}Content-Length: 99999999999\r\n\r\n{{".encode())
+        assert client.recv(100).startswith(b"HTTP/1.1 413 ")
+    assert ask(address, "api/fleet")[0] == 200
+    assert caplog.records == []
 
 
 def test_stop_go_on_and_end_are_told_until_the_fleets_commands_say_so(desk):
