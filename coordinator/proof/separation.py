@@ -106,8 +106,13 @@ class Separation:
             candidates = self._near(keep, reach, each=False)
             if len(candidates.pairs):
                 finest = self._refined(candidates, keep, math.inf, each=False)
-                return self._worst(finest, keep, each=False)[0]
-            reach = 4.0 * max(reach, _REACH)
+                found = self._worst(finest, keep, each=False)[0]
+                if found.slack <= reach:
+                    return found
+                # By its coarse pieces a pair may be a candidate although others are nearer.
+                reach = found.slack
+            else:
+                reach = 4.0 * max(reach, _REACH)
         return None
 
     def below(self, keep: Array, limit: float) -> list[Closest]:
