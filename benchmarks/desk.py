@@ -13,6 +13,7 @@ import http.client
 import itertools
 import json
 import random
+import signal
 import socket
 import subprocess
 import sys
@@ -102,7 +103,11 @@ def _beside(what: str, talk: Talk, seconds: float) -> Row:
         status, _ = _asked(place, "POST", "api/end")
         answered = time.monotonic() - asked
         memory = memory_mb(coordinator.pid)
-        _wait_for(lambda: coordinator.poll() is not None, _PATIENCE_S + _LATE * seconds)
+        try:
+            _wait_for(lambda: coordinator.poll() is not None, _PATIENCE_S + _LATE * seconds)
+        except TimeoutError:  # Robots that nonsense has stopped have far to go.
+            coordinator.send_signal(signal.SIGINT)
+            _wait_for(lambda: coordinator.poll() is not None)
         gaps = _gaps(folder / "run.mcap")
     late = sorted(gap - COMMAND_PERIOD for gap in gaps)
     return {
