@@ -104,7 +104,8 @@ def _beside(what: str, talk: Talk, seconds: float) -> Row:
         answered = time.monotonic() - asked
         memory = memory_mb(coordinator.pid)
         try:
-            _wait_for(lambda: coordinator.poll() is not None, _PATIENCE_S + _LATE * seconds)
+            patience = _PATIENCE_S + min(_LATE * seconds, _PATIENCE_S)
+            _wait_for(lambda: coordinator.poll() is not None, patience)
         except TimeoutError:  # Robots that nonsense has stopped have far to go.
             coordinator.send_signal(signal.SIGINT)
             _wait_for(lambda: coordinator.poll() is not None)
