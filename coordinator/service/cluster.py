@@ -64,7 +64,7 @@ def executor_on(address: str) -> Generator[Executor]:
     logging.getLogger("distributed").addFilter(_tells_nothing)
     logging.getLogger("distributed.client").addFilter(_tells_nothing)
     options = {
-        "admin.large-graph-warning-threshold": "10GB",
+        "distributed.admin.large-graph-warning-threshold": "10GB",
         "distributed.comm.timeouts.connect": f"{_PATIENCE_S:g}s",
     }
     with dask.config.set(options):
