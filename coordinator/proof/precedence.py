@@ -50,18 +50,7 @@ def staircase_failures(
     keep = np.array([one.radius for one in driven]) + 0.5 * margin
     enough = keep - 0.5 * (TOLERANCE + RESOLUTION)
     motions = Motions(pieces.rows, first, enough, flights.asked)
-    turned = np.argsort(staircases.ahead, kind="stable")
-    robots = np.arange(count + 1)
-    needs = Needs(
-        np.searchsorted(staircases.behind, robots),
-        staircases.behind,
-        staircases.ahead,
-        np.searchsorted(staircases.ahead[turned], robots),
-        turned,
-        staircases.first,
-        staircases.at,
-        staircases.need,
-    )
+    needs = needs_of(staircases, count)
     tau = staircases.tau_ms / 1000.0
     if executor is None or count < _MANY:
         found = uncovered(motions, needs, tau, 0, count)
@@ -77,6 +66,22 @@ def staircase_failures(
     ]
     more = len(failing) - len(said)
     return [*said, f"and {more} more pairs"] if more > 0 else said
+
+
+def needs_of(staircases: Staircases, count: int) -> Needs:
+    """Return the staircases of so many robots as the kernels look them up."""
+    turned = np.argsort(staircases.ahead, kind="stable")
+    robots = np.arange(count + 1)
+    return Needs(
+        np.searchsorted(staircases.behind, robots),
+        staircases.behind,
+        staircases.ahead,
+        np.searchsorted(staircases.ahead[turned], robots),
+        turned,
+        staircases.first,
+        staircases.at,
+        staircases.need,
+    )
 
 
 def _uncovered_by(

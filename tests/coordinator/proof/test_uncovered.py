@@ -8,7 +8,8 @@ import pytest
 
 from coordinator.plan.staircases import NO_STAIRCASES, Staircases
 from coordinator.proof import precedence
-from coordinator.proof.precedence_kernels import Needs, uncovered
+from coordinator.proof.precedence import needs_of
+from coordinator.proof.precedence_kernels import uncovered
 from coordinator.proof.separation_kernels import Motions
 from tests.sweeps import seeds
 
@@ -23,20 +24,6 @@ def wander(random):
     places = np.cumsum(random.uniform(-0.7, 0.7, (count + 1, 2)), axis=0) + random.uniform(-4, 4, 2)
     times = np.cumsum([random.uniform(0, 3), *random.uniform(1.0, 2.0, count)])
     return np.column_stack((times[:-1], times[1:], places[:-1], places[1:], np.zeros(count)))
-
-
-def needs_of(stairs, count):
-    robots, turned = np.arange(count + 1), np.argsort(stairs.ahead, kind="stable")
-    return Needs(
-        np.searchsorted(stairs.behind, robots),
-        stairs.behind,
-        stairs.ahead,
-        np.searchsorted(stairs.ahead[turned], robots),
-        turned,
-        stairs.first,
-        stairs.at,
-        stairs.need,
-    )
 
 
 def sampled(pieces):
