@@ -86,10 +86,14 @@ class Alarms:
         if state.state == REFUSED and not state.id.startswith(OWN):
             self._refuse(state, now)
 
+    def refusal_told(self, order: str) -> None:
+        """Take in that whoever gave an order was told that it is refused."""
+        self._now.pop(_refusal(order), None)
+
     def _refuse(self, state: OrderState, now: float) -> None:
         text = f"{_named(state)} is refused: {state.reason}"
         todo = "Give another goal, or another robot."
-        name = f"refused-{state.id}"
+        name = _refusal(state.id)
         self._now[name] = Alarm(
             id=name,
             since=now,
@@ -123,7 +127,7 @@ class Alarms:
     ) -> None:
         """Find out what needs a person now; while no coordinator is heard, that alone does.
 
-        `outside`: robots that were taken out while they were not heard, and are heard now.
+        `outside`: robots that were taken out, and are heard still.
         """
         found = [] if is_heard else [_unheard(now)]
         if is_heard:
@@ -162,6 +166,10 @@ class Alarms:
             return None
         text = f"{robot} was not heard {len(losses)} times in ten minutes"
         return Alarm(id=f"often-{robot}", since=losses[0], text=text, todo=_OFTEN_TODO, robot=robot)
+
+
+def _refusal(order: str) -> str:
+    return f"refused-{order}"
 
 
 def _named(order: OrderState) -> str:

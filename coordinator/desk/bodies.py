@@ -20,12 +20,13 @@ from protocol.messages import (
     Coordinate,
     Join,
     Order,
-    OrderId,
     RobotId,
     Spot,
 )
 
-Name = OrderId
+Name = Annotated[str, msgspec.Meta(pattern=r"^(?!\.{1,2}$)[A-Za-z0-9_.-]{1,32}(?!\n)$")]
+"""Names "." and ".." mean something else in the path of a URL."""
+
 Anybody = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_.-]{0,32}(?!\n)$")]
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=86_400.0)]
 Priority = Annotated[int, msgspec.Meta(ge=-MOST_PRIORITY, le=MOST_PRIORITY)]

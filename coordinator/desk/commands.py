@@ -117,6 +117,7 @@ class Commands:
         if not (given.release_ms or given.after or settled(state)):
             state = await self._line.await_answer(settled, _SETTLES_S) or state
         if state.state == REFUSED:
+            self._line.known.alarms.refusal_told(given.id)
             raise Refused(409, state.reason)
         return OrderSummary.of(state)
 
@@ -169,7 +170,10 @@ class Commands:
         return self._phase(phase)
 
     async def admit(self, robot: str, by: str) -> Told:
-        """Let a robot that has come back take part again."""
+        """Let a robot that has come back take part again.
+
+        The answer says so if it has no course yet: others may have to get out of its way first.
+        """
         asked = Admit(self._line.boot, self._by(by))
         asking = Asking(_name(robot, "robot"), asked.boot)
         if self._line.known.command is not None:
@@ -182,9 +186,10 @@ class Commands:
 
         key = partial(keys.admit, robot=robot)
         answer = await self._line.ask(key, asked, heard, _ADMIT_S)
-        if answer is None:
-            why = "it is not back, does not rest, or waits for others to be out of its way"
-            raise Refused(504, f"{robot} has no course within {_ADMIT_S:g} s: {why}")
+        if answer is None and self._line.is_heard():
+            why = "it does not rest, or waits for others to be out of its way"
+            return Told(robot, f"{robot} was asked for and has no course yet: {why}")
+        answer = _answered(answer)
         if not asking.admitted:
             raise Refused(409, answer)
         return Told(robot, answer)

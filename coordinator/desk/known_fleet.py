@@ -44,6 +44,9 @@ from protocol.timing import LATE_STEP_MS, REPORT_TIMEOUT, SECOND
 _SILENCE: Final = REPORT_TIMEOUT / SECOND
 """Who has said nothing for so long [s] is not heard; robots on the coordinator's clock, too."""
 
+_CARRIED_S: Final = 60.0
+"""Who takes out a robot that is heard has so long to switch it off and carry it away."""
+
 _APART: Final = 0.2
 """Points of a stretch are at most this far apart [m], along it."""
 
@@ -103,11 +106,8 @@ class KnownFleet:
         self._cut_off: frozenset[str] = frozenset()
         """Robots whose links were lost, and that have not been heard since."""
 
-        self._left: set[str] = set()
-        """Robots that were taken out; their programs may go on to speak."""
-
-        self._outside: dict[str, float] = {}
-        """Robots that were taken out while they were not heard: when [s] each was heard since."""
+        self._outside: dict[str, tuple[float, float]] = {}
+        """By robot that was taken out: from when [s] on it may not be heard, and when it was."""
 
         self._command: tuple[Command, float] | None = None
         self._granting: dict[int, Command] = {}
@@ -141,7 +141,6 @@ class KnownFleet:
         elif isinstance(message, Unblock) and kind == "blocks":
             self.blocks.pop(message.id, None)
         elif isinstance(message, Plan):
-            self._left.discard(name)
             self._outside.pop(name, None)
             self._robots.setdefault(name, None)
             self._take_plan(message)
@@ -164,7 +163,11 @@ class KnownFleet:
         command = self.command
         if command is None or command.phase != OVER:
             is_heard = self.is_heard(now) or command is None
-            outside = [name for name, at in self._outside.items() if now - at < _SILENCE]
+            outside = [
+                name
+                for name, (until, at) in self._outside.items()
+                if at > until and now - at < _SILENCE
+            ]
             self.alarms.look(is_heard, robots, now + self._wall_s, outside)
         states = Counter(ORDER_STATES[one.state] for one in self.orders.values())
         return FleetAnswer(
@@ -296,9 +299,9 @@ class KnownFleet:
                 self.alarms.admitted(plan.robot)
 
     def _take_report(self, report: Report, robot: str, now: float) -> None:
-        if robot in self._left:
-            if robot in self._outside:
-                self._outside[robot] = now
+        if robot in self._outside:
+            until, _ = self._outside[robot]
+            self._outside[robot] = (until, now)
             return
         before = self._robots.get(robot)
         if report.fault != NO_FAULT and (before is None or before.report.fault != report.fault):
@@ -318,9 +321,8 @@ class KnownFleet:
         is_news = before is None or before.state != state.state
         if is_news and state.state == ORDER_DONE and state.id == f"{LEAVE}{state.robot}":
             heard = self._robots.pop(state.robot, None)
-            if heard is None or not self._hears(state.robot, heard, now):
-                self._outside[state.robot] = -math.inf
-            self._left.add(state.robot)
+            is_heard = heard is not None and self._hears(state.robot, heard, now)
+            self._outside[state.robot] = (now + _CARRIED_S if is_heard else -math.inf, -math.inf)
             self.plans.pop(state.robot, None)
             self.joined.pop(state.robot, None)
             self.alarms.forget(state.robot)

@@ -18,6 +18,8 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+import numpy as np
+
 from coordinator.desk.answers import PreviewAnswer, PreviewRest
 from coordinator.desk.bodies import OrderBody
 from coordinator.desk.known_fleet import KnownFleet
@@ -42,14 +44,18 @@ _NICE: Final = 5
 """The fleet's own programs go first."""
 
 
-class _Asked(NamedTuple):
-    """What a preview is made from: robots, their newest courses, and how late they are."""
+class Asked(NamedTuple):
+    """What a preview is made from: robots, their newest courses, and how late they are.
+
+    lost: by robot that is not heard, the points [m] of its course where it may stand.
+    """
 
     robots: dict[str, Robot]
     plans: dict[str, Plan]
     now: float
     late: dict[str, float]
     idle: frozenset[str]
+    lost: dict[str, list[Point]]
     closed: dict[str, tuple[Point, ...]]
     order: OrderBody
 
@@ -86,27 +92,12 @@ class Previews:
 
         Raises KeyError if the robot is not known, or has no course.
         """
-        document = self._document
-        assert document is not None
-        robots = {one.id: _robot(one) for one in document.robots}
-        robots |= {name: robot_of(join) for name, join in known.joined.items()}
-        plans = {name: plan for name, plan in known.plans.items() if name in robots}
-        if body.robot and body.robot not in plans:
-            raise KeyError(body.robot)
-        states = known.robots(now)
-        asked = _Asked(
-            robots,
-            plans,
-            known.plan_time(now),
-            {one.id: one.late for one in states if one.late > 0.0},
-            frozenset(one.id for one in states if one.is_free),
-            {closed_place(name): block.polygon for name, block in known.blocks.items()},
-            body,
-        )
+        assert self._document is not None
+        asked = asked_of(self._document, known, body, now)
         async with self._one_at_a_time:
             return await asyncio.to_thread(self._exchange, asked)
 
-    def _exchange(self, asked: _Asked) -> PreviewAnswer | None:
+    def _exchange(self, asked: Asked) -> PreviewAnswer | None:
         if self._maker is None:
             self.start()
         assert self._maker is not None
@@ -119,6 +110,29 @@ class Previews:
         return answer
 
 
+def asked_of(document: PlanDocument, known: KnownFleet, body: OrderBody, now: float) -> Asked:
+    """Return what a preview of an order at our time [s] is made from.
+
+    Raises KeyError if the robot is not known, or has no course.
+    """
+    robots = {one.id: _robot(one) for one in document.robots}
+    robots |= {name: robot_of(join) for name, join in known.joined.items()}
+    plans = {name: plan for name, plan in known.plans.items() if name in robots}
+    if body.robot and body.robot not in plans:
+        raise KeyError(body.robot)
+    states = known.robots(now)
+    return Asked(
+        robots,
+        plans,
+        known.plan_time(now),
+        {one.id: one.late for one in states if one.late > 0.0},
+        frozenset(one.id for one in states if one.is_free),
+        {one.id: one.stretch for one in states if one.stretch and one.id in robots},
+        {closed_place(name): block.polygon for name, block in known.blocks.items()},
+        body,
+    )
+
+
 _courses: dict[str, Course] = {}
 """In the process that makes previews: the newest course of each robot."""
 
@@ -128,12 +142,12 @@ def _run(asks: Connection, document: bytes) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(_NICE)
     with contextlib.suppress(OSError, EOFError):
-        site = _prepared(from_json(document))
+        site = prepared(from_json(document))
         while True:
-            asks.send(_make(site, asks.recv()))
+            asks.send(outlook(site, asks.recv()))
 
 
-def _prepared(document: PlanDocument) -> Site:
+def prepared(document: PlanDocument) -> Site:
     """Return the floor, prepared for previews."""
     from coordinator.planning.wish import Site
 
@@ -148,14 +162,23 @@ def _prepared(document: PlanDocument) -> Site:
     return Site(scenario, document)
 
 
-def _make(site: Site, asked: _Asked) -> PreviewAnswer:
-    from coordinator.planning.preview import Fleet, preview
+def outlook(site: Site, asked: Asked) -> PreviewAnswer:
+    """Return what an order would come to; where lost robots may stand is solid."""
+    from coordinator.mission.replanning_input import Aside
+    from coordinator.planning.preview import Fleet, Preview, preview
 
-    if asked.closed:
-        site = site.with_obstacles(asked.closed)
+    order, solid = asked.order, dict(asked.closed)
+    if order.robot in asked.lost:
+        why = f"{order.robot} is not heard; its orders wait until it is"
+        return _answer(Preview(order.robot, np.empty((0, 2)), reason=why), asked.now, order.dwell)
+    for name, points in asked.lost.items():
+        stands = Aside(asked.robots[name], "lost", np.array(points), None)
+        solid[f"the place where {name} may stand"] = stands.disc()
+    if solid:
+        site = site.with_obstacles(solid)
     courses = _known(asked.plans, asked.robots)
-    fleet = Fleet(asked.robots, courses, asked.now, asked.late, asked.idle)
-    order = asked.order
+    others = {name: one for name, one in courses.items() if name not in asked.lost}
+    fleet = Fleet(asked.robots, others, asked.now, asked.late, asked.idle)
     x, y, *heading = order.goal
     goal = (x, y, heading[0]) if heading else (x, y)
     found = preview(site, fleet, order.robot, goal, order.via, at_once=order.now)

@@ -18,6 +18,7 @@ from contextlib import asynccontextmanager, contextmanager
 from importlib.metadata import version
 from typing import Any, Final
 
+import h11
 import msgspec
 import uvicorn
 from starlette.applications import Starlette
@@ -46,6 +47,9 @@ _MOST_BYTES: Final = 100_000
 _LOOK_S: Final = 0.01
 
 _MOST_CONNECTIONS: Final = 500
+_MOST_KEPT: Final = 400
+"""With more connections than this, the oldest one that has no whole request ends for a new one: a
+STOP gets in while others hold requests that they never finish."""
 
 _QUIET: Final = ("asyncio", "uvicorn.error")
 """They warn of every browser that has left, and of every request that is no HTTP."""
@@ -223,6 +227,12 @@ class _Connection(H11Protocol):
     What is no HTTP is answered with 400, and counted in `answers` of the app's state.
     """
 
+    since = 0.0
+    """When [s] of the loop it was made."""
+
+    def _all(self) -> list[_Connection]:
+        return [one for one in self.connections if isinstance(one, _Connection)]
+
     def send_400_response(self, msg: str) -> None:
         answers = getattr(self.config.app, "answers", None)
         if answers is not None:
@@ -230,6 +240,11 @@ class _Connection(H11Protocol):
         super().send_400_response(msg)
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        kept = [one for one in self._all() if not one.transport.is_closing()]
+        unfinished = [one for one in kept if one.conn.their_state in (h11.IDLE, h11.SEND_BODY)]
+        if len(kept) >= _MOST_KEPT and unfinished:
+            min(unfinished, key=lambda one: one.since).transport.abort()
+        self.since = self.loop.time()
         super().connection_made(transport)
         tls = transport.get_extra_info("ssl_object")
         if tls is None:

@@ -160,6 +160,15 @@ def test_a_robot_that_was_taken_out_unheard_calls_a_person_while_it_is_heard():
     assert known.answer(4.0, {}).alarms == []
 
 
+def test_a_robot_that_was_taken_out_while_heard_calls_a_person_if_it_is_heard_for_long():
+    known = fleet_of(COMMAND, report("R1"), report("R2"), state("leave-R1", ORDER_DONE))
+    for second, calls in ((1.0, []), (59.0, []), (61.0, ["outside-R1"])):
+        fleet_of(command_at(second), report("R1"), report("R2"), known=known, at=second)
+        assert [one.id for one in known.answer(second, {}).alarms] == calls
+    fleet_of(command_at(64.0), report("R2"), known=known, at=64.0)
+    assert known.answer(64.0, {}).alarms == []
+
+
 def test_places_are_closed_and_open_again():
     block = Block(1, "wet", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
     known = fleet_of((keys.blocks(FLEET, "wet"), block))

@@ -6,13 +6,14 @@ import socket
 import time
 import urllib.error
 import urllib.request
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import pytest
 from openapi_spec_validator import validate
 from prometheus_client.parser import text_string_to_metric_families
 
 from coordinator.base.errors import InputError
+from coordinator.desk import commands, web
 from coordinator.desk.api import ENDPOINTS
 from coordinator.desk.commands import PATIENCE_S
 from coordinator.desk.line import Line
@@ -91,6 +92,22 @@ def test_an_order_with_the_id_of_another_one_is_refused_with_where_that_one_lead
     assert problem["error"] == "taken is another order for R1, to (9, 5); use another id"
 
 
+def test_a_refusal_that_is_told_to_who_gave_the_order_calls_nobody_else(desk):
+    _, address = desk
+    body = {"goal": [1.0, 2.0], "robot": "R9", "id": "far"}
+    assert ask(address, "api/orders", "POST", body)[0] == 409
+    assert ask(address, "api/orders/far")[1]["state"] == "refused"
+    assert "refused-far" not in [one["id"] for one in ask(address, "api/fleet")[1]["alarms"]]
+
+
+def test_an_admitted_robot_that_has_no_course_yet_is_told_so(monkeypatch):
+    monkeypatch.setattr(commands, "_ADMIT_S", 0.3)
+    with desk_of(FakeFleet()) as address:
+        status, told = ask(address, "api/robots/R7/admit", "POST")
+    assert status == 200
+    assert told["text"].startswith("R7 was asked for and has no course yet: ")
+
+
 def test_an_order_that_comes_after_another_one_is_answered_while_it_waits(desk):
     fleet, address = desk
     status, state = ask(
@@ -149,6 +166,7 @@ def test_all_that_is_wrong_with_an_order_is_told_at_once(desk):
         ("POST", "api/freeze", {"reason": "fire"}, 200),
         ("POST", "api/resume", {"reason": "out"}, 400),
         ("POST", "api/orders", {"goal": [1, 2], "now": True}, 400),
+        ("POST", "api/orders", {"goal": [1, 2], "id": ".."}, 400),
         ("POST", "api/robots/R2/join", {"at": [1, 2, 0], "max_accel": 1e-300}, 400),
         ("POST", "api/robots/R1/admit", None, 409),
         ("POST", "api/robots/R2/join", {"at": [1, 2, 0]}, 202),
@@ -344,6 +362,19 @@ def test_bytes_that_are_no_http_are_answered_and_disturb_nobody(desk):
             assert stranger.recv(100).startswith(b"HTTP/1.1 4")
     with socket.create_connection((host, int(port)), timeout=5.0):
         assert ask(address, "api/fleet")[0] == 200
+
+
+def test_a_stop_gets_in_while_others_hold_requests_that_they_never_finish(monkeypatch):
+    monkeypatch.setattr(web, "_MOST_KEPT", 20)
+    monkeypatch.setattr(web, "_MOST_CONNECTIONS", 30)
+    begun = (b"", b"POST /api/resume HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\n{")
+    with desk_of(FakeFleet()) as address, ExitStack() as held:
+        host, port = address.removeprefix("http://").rstrip("/").split(":")
+        for k in range(40):
+            stranger = socket.create_connection((host, int(port)), timeout=5.0)
+            held.enter_context(stranger)
+            stranger.sendall(begun[k % 2])
+        assert ask(address, "api/freeze", "POST")[0] == 200
 
 
 def test_a_page_of_a_file_is_for_this_machine_only():
