@@ -36,6 +36,16 @@ def open_own(path: Path, *, replace: bool) -> BinaryIO:
     return stream
 
 
+def is_being_written(path: Path) -> bool:
+    """Return whether another writer has locked a file; False where the system has no locks."""
+    with path.open("rb") as stream:
+        try:
+            _lock(stream.fileno())
+        except OSError as error:
+            return error.errno == errno.EBUSY
+    return False
+
+
 def _lock(descriptor: int) -> None:
     """Lock the file; raises OSError if another process has locked it."""
     if sys.platform == "win32":

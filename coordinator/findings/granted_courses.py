@@ -106,9 +106,13 @@ class GrantedCourses(Granted):
         self._ways[robot] = [before[-1], course] if before else [course.begun()]
         return True
 
-    def take_report(self, robot: str, report: Report) -> None:
-        """Take in a robot's progress; a course that it has left counts no more."""
-        super().take_report(robot, report)
+    def take_report(self, robot: str, report: Report) -> bool:
+        """Take in a robot's progress; a course that it has left counts no more.
+
+        Return whether the report is newer than all before it of that process.
+        """
+        if not super().take_report(robot, report):
+            return False
         if report.phase != FROZEN:
             self._rests.pop(robot, None)
         elif report.rest is not None and report.rest.epoch == report.epoch:
@@ -119,6 +123,7 @@ class GrantedCourses(Granted):
             self._around.discard(robot)
         if ways and report.phase == DONE and report.revision == ways[0].driven.plan.revision:
             ways[0] = ways[0].arrived(report.stamp_ms)
+        return True
 
     def take_roster(self, message: Message | None) -> None:
         """Take in that a robot is taken into the fleet, or has left it."""

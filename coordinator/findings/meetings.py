@@ -77,7 +77,8 @@ class Meetings:
         self.tracks = [_track(ride) for ride in rides]
         self._radii = np.array([robot.radius for robot in document.robots])
         pieces = [_pieces(track) for track in self.tracks]
-        self._pieces = _Pieces(*np.concatenate(pieces, axis=1))
+        none = np.empty((len(_Pieces._fields), 0))
+        self._pieces = _Pieces(*np.concatenate((none, *pieces), axis=1))
         self._owner = np.repeat(np.arange(len(pieces)), [len(one.x0) for one in pieces])
 
     def need(self, index: int, other: int) -> float:

@@ -86,13 +86,15 @@ class Door:
         if is_heard or admission.hello is None or admission.hello.boot == member.boot:
             return self._admit_again(member, boot, is_heard, now_ns)
         if member.is_under_way(now_ns):
-            self._tell_denied(robot, f"another {robot} is still heard, ask again", now_ns)
+            heard = "is still heard" if member.is_heard(now_ns) else "may still be heard"
+            self._tell_denied(robot, f"another {robot} {heard}, ask again", now_ns)
             return False
         if not admission.is_at_door(member.timeout_ns, now_ns):
-            self._tell_denied(robot, f"{robot} has come back but is no longer heard", now_ns)
+            why = "has come back but is no longer heard; start its program again"
+            self._tell_denied(robot, f"{robot} {why}", now_ns)
             return False
         if admission.refuses(boot):
-            reason = "was waited for and did not say where it stands; does its driver know?"
+            reason = "did not say where it stands; start its program with its place (agent --at)"
             reason = admission.turned_away or f"{robot} {reason}"
             return self._deny(robot, boot, reason, now_ns)
         admission.ask(boot, now_ns)

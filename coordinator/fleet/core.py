@@ -32,6 +32,7 @@ from coordinator.fleet.phases import (
     FREEZE_PATIENCE,
     GO_LEAD,
     HELD_PATIENCE,
+    LONGEST_EPOCH,
     RESUME_PATIENCE,
     RETURN_PATIENCE,
     SILENT_PATIENCE,
@@ -113,19 +114,28 @@ class Fleet(OperatedFleet):
         return []
 
     def tick(self, now_ns: int) -> list[Outgoing]:
-        """Act on the time and return the Commands; to be called every COMMAND_PERIOD."""
+        """Act on the time and return the Commands; to be called every COMMAND_PERIOD.
+
+        Who gave way to another coordinator, or to what its log lacks, says nothing any more.
+        """
+        if self.superseded:
+            return []
         passed_ns, was_away = now_ns - self._looked_ns, self._was_away(now_ns)
-        self._looked_ns = now_ns
-        if passed_ns > AWAY or self._router.is_down:
+        if self._has_yet_to_speak:
+            self._begin_again(now_ns)
+        elif passed_ns > AWAY or self._router.is_down:
             patience = RETURN_PATIENCE if was_away else 0
             lost_ns = passed_ns if self.phase == GO else 0
             before_ns = None if self._router.is_down else now_ns - passed_ns
             self._excuse(now_ns + patience, lost_ns, before_ns)
+        self._looked_ns = now_ns
         if was_away:
             text = f"the coordinator was away for {passed_ns / SECOND:.1f} s"
             self._tell(now_ns, "away", "", text)
         if self.phase == HOLD:
             self._muster(now_ns)
+        elif self.phase == GO and self.times.plan_ms(now_ns) > LONGEST_EPOCH // MILLISECOND:
+            self._plan_anew("plan time is ten days old", now_ns)
         elif self.phase == GO:
             self._watch(now_ns)
         elif self.phase == FREEZE:
@@ -163,16 +173,25 @@ class Fleet(OperatedFleet):
         if self.phase == GO:
             self.grants.lose_sight(self.allowed_ms)
         later_ns = now_ns - last_ns
+        if later_ns < 0:  # The computer was started anew, and its clock with it.
+            self._set_back(later_ns)
         self.times.put_off(later_ns + GO_LEAD)
         self._changed_ns, self._stopped_ns = now_ns, self._stopped_ns + later_ns
-        self._looked_ns, self._patient_until_ns = now_ns, now_ns + RESUME_PATIENCE
-        self._excuse(now_ns + RESUME_PATIENCE, RESUME_PATIENCE)
+        self._looked_ns = now_ns
+        self._begin_again(now_ns)
         self._tell_phase(now_ns, f"resumed from a log: {COMMAND_NAMES[self.phase]}")
+
+    def _begin_again(self, now_ns: int) -> None:
+        """Give robots RESUME_PATIENCE to be heard again, counted from the first tick at last."""
+        self._patient_until_ns = now_ns + RESUME_PATIENCE
+        self._excuse(self._patient_until_ns, RESUME_PATIENCE)
 
     def leave_floor(self, now_ns: int) -> None:
         """Freeze the fleet, because its floor has changed: it goes on with a new plan."""
-        text = "the floor has changed; the fleet is planned anew when all rest"
-        self._tell(now_ns, "floor", "", text)
+        self._plan_anew("the floor has changed", now_ns)
+
+    def _plan_anew(self, why: str, now_ns: int) -> None:
+        self._tell(now_ns, "floor", "", f"{why}; the fleet is planned anew when all rest")
         self._turn("floor changed", now_ns)
 
     def _hear_hello(self, robot: str, hello: Hello, now_ns: int) -> list[Outgoing]:
@@ -273,12 +292,19 @@ class Fleet(OperatedFleet):
             if one.lacks_course(self.epoch)
             and not one.has_dropped_course(self.epoch)
             and not one.is_out_of_reach
+            and one.is_heard(now_ns)
         ]
         return [plan for member in lacking for plan in self._send_plan(member, now_ns)]
 
     def _was_away(self, now_ns: int) -> bool:
         """Return whether the coordinator hung for so long that links to it were given up."""
-        return self._looked_ns > 0 and now_ns - self._looked_ns > REPORT_TIMEOUT
+        is_running = self._looked_ns > 0 and not self._has_yet_to_speak
+        return is_running and now_ns - self._looked_ns > REPORT_TIMEOUT
+
+    @property
+    def _has_yet_to_speak(self) -> bool:
+        """Whether it has taken over from another coordinator, and sent no Command since."""
+        return self.is_resumed and self._sequence == 0
 
     def _hear_gone(self, robot: str, now_ns: int) -> list[Outgoing]:
         """Record that the link to a robot is gone; a robot under way is lost at once.

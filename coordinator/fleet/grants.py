@@ -374,6 +374,8 @@ class Grants:
         mine = self._courses.get(robot)
         if mine is None:
             return True
+        if max(report.revision, report.holds) > mine.newest.revision:
+            return False  # Another coordinator has sent it that course.
         if mine.next is not None and report.revision >= mine.next.revision:
             self._begin(mine, mine.next, now_ms)
         if report.revision != mine.now.revision:
@@ -418,8 +420,13 @@ class Grants:
         slot = sent.slot
         if sent.is_withdrawn and sent.shared_ms <= sent.begin_ms:
             return True  # It rests where it begins, and has passed no more of the one before.
-        self._done[slot] = report.phase == DONE
-        if report.phase == DONE:
+        is_done = report.phase == DONE
+        if is_done and sent.course is not None:
+            finish_ms = math.floor(1000.0 * sent.course.driven.timeline.finish)
+            if not self._can_be_at(sent, finish_ms):
+                return False
+        self._done[slot] = is_done
+        if is_done:
             self._rule.arrive(slot)
             if sent.course is not None:
                 sent.course = sent.course.arrived(report.stamp_ms)

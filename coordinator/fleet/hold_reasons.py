@@ -57,7 +57,7 @@ def _missing(fleet: Fleet, now_ns: int) -> Iterable[tuple[Member, str]]:
     now_ms = fleet.times.plan_ms(now_ns)
     for robot, by, since_ms in fleet.held():
         if now_ms - since_ms >= _HELD_MS:
-            yield fleet.members[robot], f"held by {by}, which {_state(fleet, by)}"
+            yield fleet.members[robot], f"held by {by}, which {_state(fleet, by, now_ns)}"
     for member in fleet.members.values():
         if fleet.phase == HOLD and member.planned and not member.is_armed(fleet.epoch, now_ns):
             yield member, _why_not_armed(member, fleet.epoch, now_ns)
@@ -67,9 +67,11 @@ def _missing(fleet: Fleet, now_ns: int) -> Iterable[tuple[Member, str]]:
             yield member, _why_unheard(member, now_ns) or "has not said where it rests"
 
 
-def _state(fleet: Fleet, robot: str) -> str:
+def _state(fleet: Fleet, robot: str, now_ns: int) -> str:
     """Return words for what keeps a robot that holds others."""
     member = fleet.members[robot]
+    if member.has_come_back(now_ns):
+        return "waits to be admitted"
     if member.lost:
         return "is not heard"
     return "has stopped" if member.has_stopped(fleet.epoch) else "is late"

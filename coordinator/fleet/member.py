@@ -159,6 +159,16 @@ class Member:
         self.overload = self.capacity.objection(self.plan)
         self.plan_sent_ns = self.done_ns = None
 
+    def set_back(self, by_ns: int) -> None:
+        """Take in that the clock has begun anew: all that was heard was that much earlier [ns]."""
+        self.heard_ns += by_ns
+        self.excused_ns += by_ns
+        self.course_since_ns += by_ns
+        self.frozen_ns += by_ns
+        self.done_ns = None if self.done_ns is None else self.done_ns + by_ns
+        self.plan_sent_ns = None
+        self.admission.leave()
+
     def await_start(self, until_ns: int) -> None:
         """Give a robot that joins time for its program to be started, if it is not there yet."""
         if self.boot is None:

@@ -140,7 +140,7 @@ class OperatedFleet(FleetState):
     def _has_part(self, robot: str, now_ns: int) -> bool:
         """Return whether a robot is in the fleet, has a course, and is heard."""
         member = self.members.get(robot)
-        return member is not None and member.planned and not member.is_silent(now_ns)
+        return member is not None and member.planned and member.is_heard(now_ns)
 
     def _why_not_join(self, join: Join) -> str:
         """Return in words why a robot cannot join now; "" if it can."""

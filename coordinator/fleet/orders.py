@@ -40,7 +40,7 @@ _SAME: Final = 1e-3
 """Places no farther apart than this [m] are one."""
 
 _FORGOTTEN: Final[Pose] = (math.nan, math.nan)
-"""The goal of an order that was over before the checkpoint that a coordinator goes on from."""
+"""The goal of an order that was over before a checkpoint of an older version, which lacks it."""
 
 _REASON: Final = 300
 """Reasons are cut to this many characters, so that a message can state them."""
@@ -143,8 +143,8 @@ def robot_of(join: protocol_messages.Join) -> Robot:
 class PlainBook(msgspec.Struct, frozen=True):
     """An OrderBook as plain data, for a checkpoint.
 
-    `over`: orders of which nothing more becomes.  `tasks`: the others.  `ended` are over, and it
-    was not said yet.
+    `over`: orders of which nothing more becomes; `led_to`: the goals that they had, and the robots
+    that they named.  `tasks`: the others.  `ended` are over, and it was not said yet.
     """
 
     over: list[OrderState]
@@ -158,6 +158,7 @@ class PlainBook(msgspec.Struct, frozen=True):
     ended: list[str]
     made_room: int
     done: int
+    led_to: dict[str, tuple[tuple[float, ...], str]] = {}
 
 
 def _task_of(fields: dict[str, Any]) -> Task:
@@ -171,10 +172,10 @@ def _task_of(fields: dict[str, Any]) -> Task:
     return Task(**{**fields, **known})
 
 
-def _task_over(state: OrderState) -> Task:
-    """Return an order that is over, of which nothing but its end is known."""
+def _task_over(state: OrderState, goal: Pose, robot: str) -> Task:
+    """Return an order that is over, of which nothing but its end and where it led is known."""
     return Task(
-        Order(id=state.id, goal=_FORGOTTEN),
+        Order(id=state.id, goal=goal, robot=robot),
         state.released_ms or 0,
         state.robot,
         state.state,
@@ -234,6 +235,11 @@ class OrderBook:
             [task.order.id for task in self._ended],
             self._made_room,
             self.done,
+            {
+                name: (task.order.goal, task.order.robot)
+                for name, task in sorted(self.tasks.items())
+                if task.is_over
+            },
         )
 
     def take_plain(self, told: PlainBook) -> None:
@@ -243,7 +249,9 @@ class OrderBook:
         """
         tasks = [_task_of(fields) for fields in told.tasks]
         self._open = {task.order.id: task for task in tasks}
-        self.tasks = {one.id: _task_over(one) for one in told.over} | self._open
+        over = [(one, *told.led_to.get(one.id, (_FORGOTTEN, ""))) for one in told.over]
+        self.tasks = {one.id: _task_over(one, plain.pose_of(goal), by) for one, goal, by in over}
+        self.tasks |= self._open
         later = [plain.order_of(fields) for fields in told.later]
         self._later = {order.id: order for order in later}
         self._ended = [self.tasks[name] for name in told.ended]

@@ -35,6 +35,10 @@ RESUME_PATIENCE: Final = 5 * SECOND
 RETURN_PATIENCE: Final = 2 * SECOND
 """How long robots have to be heard again after the coordinator was away for over REPORT_TIMEOUT."""
 
+LONGEST_EPOCH: Final = 900_000 * SECOND
+"""After so long, ten days, a fleet is planned anew, and plan time begins again: robots take no
+course that ends after 10^6 s."""
+
 FAREWELLS: Final = 5
 """How many Commands with OVER are sent."""
 

@@ -34,7 +34,7 @@ from protocol.messages import (
     OrderState,
 )
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD, OVER, STOP
-from protocol.timing import COMMAND_PERIOD, MILLISECOND
+from protocol.timing import COMMAND_PERIOD, MILLISECOND, REPORT_TIMEOUT
 
 _KEPT: Final = (
     "_changed_ns",
@@ -241,6 +241,14 @@ class FleetState:
                 member.excused_ns = max(member.excused_ns, until_ns)
         self.grants.standstills.excuse(lost_ns // MILLISECOND)
 
+    def _set_back(self, by_ns: int) -> None:
+        """Take in that the clock has begun anew: what was before it was that much earlier [ns]."""
+        self._first_go_ns += by_ns if self.has_gone else 0
+        self._waits_since_ns = None
+        self.outside_ns = {name: at and at + by_ns for name, at in self.outside_ns.items()}
+        for member in self.members.values():
+            member.set_back(by_ns)
+
     def order_states(self) -> list[Outgoing]:
         """Return what has become of orders since this was called last."""
         changed = self.orders.changed()
@@ -281,7 +289,10 @@ class FleetState:
     def _lose(self, member: Member, now_ns: int) -> None:
         """Record that a robot is lost: it is not heard any more."""
         member.lost = True
-        self._tell(now_ns, "fault", member.id, f"{member.id} {silent(member).what}")
+        what = silent(member).what
+        if member.has_come_back(now_ns):
+            what = "was started again and waits to be admitted"
+        self._tell(now_ns, "fault", member.id, f"{member.id} {what}")
 
     def go_around(self, member: Member, now_ns: int) -> None:
         """Grant a robot nothing more on its course; others go around where it may stand.
@@ -325,8 +336,21 @@ class FleetState:
         """Return the Command, or several if one cannot name all who have less authority."""
         stated = [Stated()]
         if self.phase == GO:
-            stated = self.grants.grant(self.times.plan_ms(now_ns), self.allowed_ms)
+            most_ms = 0 if self._only_listens(now_ns) else self.allowed_ms
+            stated = self.grants.grant(self.times.plan_ms(now_ns), most_ms)
         return [Outgoing(keys.command(self.name), self._command(now_ns, one)) for one in stated]
+
+    def _only_listens(self, now_ns: int) -> bool:
+        """Return whether a fleet that was taken over has yet to hear whether its log is whole.
+
+        A robot that drives a course which the log does not hold says so; until all have been heard,
+        or were silent for REPORT_TIMEOUT, nothing is granted that may be against it.
+        """
+        since_ns = self._patient_until_ns - RESUME_PATIENCE
+        if not self.is_resumed or now_ns - since_ns > REPORT_TIMEOUT:
+            return False
+        heard = [one.heard_ns for one in self.members.planned if one.boot is not None]
+        return any(at_ns < since_ns for at_ns in heard)
 
     def _command(self, now_ns: int, stated: Stated) -> bytes:
         self._sequence += 1

@@ -224,7 +224,7 @@ class Dispatcher:
         else:
             drives = member.phase == MOVING and member.driven >= member.revision
             can_change = drives and not mine.is_changing(member.holds)
-        return can_change and not is_asked and not member.is_silent(now_ns)
+        return can_change and not is_asked and member.is_heard(now_ns)
 
     def _refuse_closed(self) -> None:
         """Refuse orders that are new and lead to, or through, a place that is closed."""

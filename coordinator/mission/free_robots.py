@@ -38,7 +38,7 @@ class FreeRobots:
             for member in fleet.members.planned
             if member.has_arrived
             and member.id not in busy
-            and not member.is_silent(now_ns)
+            and member.is_heard(now_ns)
             and (mine := fleet.grants.of(member.id)) is not None
             and not mine.is_changing(member.holds)
         ]
@@ -55,7 +55,8 @@ class FreeRobots:
             and member.epoch == fleet.epoch
             and member.driven == member.revision
             and member.id not in stay
-            and not (member.lost or member.is_silent(now_ns))
+            and not member.lost
+            and member.is_heard(now_ns)
             and (mine := fleet.grants.of(member.id)) is not None
             and mine.next is None
             and self._searches.is_time_for(member.id, now_ns)
@@ -68,7 +69,7 @@ class FreeRobots:
             return "is back and waits to be admitted"
         if member.lost:
             return "is lost"
-        if member.is_silent(now_ns):
+        if not member.is_heard(now_ns):
             return "is not heard"
         if member.has_stopped(self._fleet.epoch):
             return f"has stopped: {fault_name(member.fault)}"

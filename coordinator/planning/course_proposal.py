@@ -21,7 +21,7 @@ from coordinator.plan.course_staircases import joined
 from coordinator.plan.document import Limits, PlanDocument
 from coordinator.plan.drafting import rounded
 from coordinator.plan.staircases import Staircases
-from coordinator.plan.wire import pack, unpack
+from coordinator.plan.wire import Driven, pack, unpack
 from coordinator.planning.earliest_course import Search, earliest
 from coordinator.planning.wish import Site, Wish
 from coordinator.proof.course_proof import course_failures, pair_failures, that_may_meet
@@ -47,13 +47,18 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     search = Search(site, wish, others)
     found = earliest(search)
     names = [robot.id, *(one.driven.id for one in found.near)]
-    plan = rounded(robot, found.path, found.motion, names)
-    if wish.leaves is not None:
-        plan = changed(plan, start_time=0.0)  # It does not rest where the course begins.
-    message = pack(terms, plan, wish.number, wish.revision, wish.begin_ms)
+    try:
+        plan = rounded(robot, found.path, found.motion, names)
+        if wish.leaves is not None:
+            plan = changed(plan, start_time=0.0)  # It does not rest where the course begins.
+        message = pack(terms, plan, wish.number, wish.revision, wish.begin_ms)
+        driven = unpack(message, robot.radius)
+    except ValueError as error:
+        reason, helps = f"has a way that cannot be sent: {error}", "fewer places to pass"
+        raise PlanError(reason, robot.id, helps=helps if robot.via else "") from None
     if objection := wish.holds.objection(message):
         raise PlanError(objection, robot.id)
-    proposal = proposal_of(message, site, wish, others, search.boxes)
+    proposal = _among(driven, message, site, others, search.boxes)
     courses = [proposal.course, *proposal.near]
     before = None if wish.leaves is None else wish.leaves.driven
     failures = course_failures(
@@ -75,7 +80,12 @@ def proposal_of(
 
     `around`: the boxes of the others.  Raises ValueError if a robot would refuse the message.
     """
-    driven = unpack(message, wish.robot.radius)
+    return _among(unpack(message, wish.robot.radius), message, site, others, around)
+
+
+def _among(
+    driven: Driven, message: bytes, site: Site, others: Sequence[Course], around: Boxes | None
+) -> Proposal:
     course = Course(driven, 0.001 * driven.plan.begin_ms)
     near = that_may_meet(course, others, site.terms.margin + STANDOFF, around)
     return Proposal(course, message, near, staircases_among(course, near, site.terms))

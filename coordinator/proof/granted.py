@@ -23,7 +23,7 @@ import numpy as np
 
 from coordinator.plan.course_staircases import CourseStaircases
 from coordinator.plan.staircases import Staircases
-from coordinator.plan.wire import PackedPlan
+from coordinator.plan.wire import PackedPlan, unpack
 from protocol.codec import encode
 from protocol.messages import Command, Plan, Report
 from protocol.phases import DONE, GO
@@ -31,6 +31,9 @@ from protocol.timing import LATE_STEP_MS
 
 _MOST_AHEAD: Final = 50
 """For so many numbers of courses that are not known yet it is kept what they were granted."""
+
+_AT_GOAL: Final = 0.1
+"""Who was let drive so near [m] to the end of its course may be there: plans end slowly."""
 
 _NEAR: Final = 1_000
 """A robot is held when it is let drive for less than this [ms]."""
@@ -89,6 +92,9 @@ class Granted:
 
         self._ahead: dict[int, int] = {}
         """What Commands granted to numbers of courses that were not known yet."""
+
+        self._reported: dict[tuple[str, int], int] = {}
+        """By robot and boot id: the sequence number of its newest report."""
 
         self._left: dict[int, str] = {}
         """By the number of its course: robots that have left the fleet."""
@@ -189,22 +195,38 @@ class Granted:
         slots = [one.slot for one in known if one is not None and one.revision == revision]
         return slots[0] if slots else -1
 
-    def take_report(self, robot: str, report: Report) -> None:
+    def take_report(self, robot: str, report: Report) -> bool:
         """Take in a robot's progress; it counts no further than what it may have been granted.
 
-        A robot at its goal has passed all plan times, and no Command lets it drive on.
+        Return whether the report is newer than all before it of that process; else it is nothing.
+
+        A robot at its goal has passed all plan times, and no Command lets it drive on; it is not
+        there if none has let it drive to its goal.
         """
+        newest = self._reported.get((robot, report.boot), -1)
+        if report.sequence <= newest:
+            return False
+        self._reported[robot, report.boot] = report.sequence
+        self._take_progress(robot, report)
+        return True
+
+    def _take_progress(self, robot: str, report: Report) -> None:
         coming = self._next.get(robot)
         if coming is not None and report.revision >= coming.revision:
             self._begin(robot, coming)
         known = self._now.get(robot)
         if known is None or known.revision != report.revision:
+            if known is not None and report.revision > known.revision:
+                text = f"{robot} drives course {report.revision}, which the log does not hold"
+                if text not in self.failures:
+                    self.failures.append(text)
             return
         if known.is_withdrawn and known.shared_ms <= known.begin_ms:
             return  # It rests where that begins, and has passed no more of the course before.
         slot = known.slot
         if report.phase == DONE:
-            self._passed[slot], self._at_goal[slot] = np.inf, True
+            if self._may_be_at_goal(known):
+                self._passed[slot], self._at_goal[slot] = np.inf, True
         elif report.stamp_ms is not None:
             passed = report.stamp_ms - LATE_STEP_MS * report.late
             passed = min(passed, int(max(self._granted[slot], self._unseen[slot])))
@@ -213,6 +235,14 @@ class Granted:
         if coming is not None:
             least = min(self._passed[slot], coming.shared_ms)
             self._passed[coming.slot] = max(self._passed[coming.slot], least)
+
+    def _may_be_at_goal(self, known: _Known) -> bool:
+        """Return whether a robot may have been let drive to the end of its course."""
+        if self._at_goal[known.slot]:
+            return True
+        line = unpack(known.message, 0.0).timeline
+        most = max(float(self._granted[known.slot]), float(self._unseen[known.slot]))
+        return line.s_at(0.001 * most) >= line.length - _AT_GOAL
 
     def _begin(self, robot: str, coming: _Known) -> None:
         """Take in that a robot has left its course for the next one.

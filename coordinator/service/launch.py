@@ -21,13 +21,14 @@ from msgspec.structs import replace
 
 from coordinator.base.console import answer_json, tell_now, write_file
 from coordinator.base.errors import InputError
+from coordinator.base.own_file import is_being_written
 from coordinator.desk.answers import Alarm
 from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.hold_reasons import RollCall
 from coordinator.log.head import first_head, resumed
 from coordinator.log.log_file import is_unfinished, read_newest
-from coordinator.log.log_folder import files_of_runs
+from coordinator.log.log_folder import files_of_runs, numbered_files
 from coordinator.log.recorder import Recorder
 from coordinator.log.records import Log
 from coordinator.mission.aside_news import AsideNews
@@ -174,6 +175,10 @@ class Coordinator:
         """Resume the mission in the log of a coordinator that has died."""
         self._began_ns = self.clock()
         try:
+            for file in numbered_files(resume) if resume.is_dir() else [resume]:
+                if file.is_file() and is_being_written(file):
+                    why = "a coordinator is writing it; end that one first, also if it hangs"
+                    raise InputError([f"{file}: {why}"])
             log, self._before = read_newest(resume)
             scenario = self._scenario_on(log, resume, with_scenario)
             mission = go_on(log, boot, self._began_ns, scenario)

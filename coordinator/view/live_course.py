@@ -156,7 +156,8 @@ class LiveCourse:
         plans = self._course.plans
         for epoch in set(self._course.starts) & set(plans):
             count = len(plans[epoch].robots)
-            if plans[epoch] is not self.floor and self._explained.get(epoch) != count:
+            is_told = plans[epoch] is self.floor or self._explained.get(epoch, 0) == count
+            if not is_told:
                 plans[epoch] = with_reasons(plans[epoch])
                 self._explained[epoch] = count
 
@@ -252,10 +253,12 @@ class LiveCourse:
         """Find out who is held; return whether that has changed.
 
         What is granted is followed from the first Command on that grants some robot too little, as
-        every Command and Report states all.
+        every Command and Report states all.  Who begins to listen when all robots have had orders
+        knows no course of the plan, and not who is held.
         """
         epoch, plans = command.epoch, self._course.plans
-        if epoch not in self._granted and late_numbers(command) and epoch in plans:
+        is_known = epoch in plans and bool(plans[epoch].robots)
+        if epoch not in self._granted and late_numbers(command) and is_known:
             self._granted[epoch] = granted_of(plans[epoch])
             for one in self._course.sent.of(epoch):
                 self._granted[epoch].take_plan(one.driven.id, one.driven.plan)

@@ -1,7 +1,9 @@
 """The files that commands are given and asked for: of the right kind, in a folder that is there."""
 
+import fcntl
 import json
 import shutil
+from pathlib import Path
 
 import pytest
 import typer
@@ -9,6 +11,7 @@ from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from coordinator.base.errors import InputError
+from coordinator.base.own_file import open_own
 from coordinator.log.log_writer import Attachment
 from coordinator.log.recorder import Recorder
 from coordinator.plan.plan_file import to_json
@@ -139,6 +142,14 @@ def test_a_file_that_has_no_place_or_another_suffix_is_refused_before_any_work(
     before = sorted(folder.rglob("*"))
     assert said in problem_of(command)
     assert sorted(folder.rglob("*")) == before
+
+
+def test_a_log_that_a_coordinator_is_writing_is_not_resumed(folder):
+    with Path("run-0001.mcap").open("wb") as log, open_own(Path("day.mcap"), replace=True):
+        fcntl.flock(log.fileno(), fcntl.LOCK_EX)
+        for resume, file in ((".", "run-0001.mcap"), ("day.mcap", "day.mcap")):
+            problem = problem_of(f"coordinator hall.toml --resume {resume} --log b.mcap")
+            assert f"--resume: {file}: a coordinator is writing it; end that one" in problem
 
 
 def test_a_plan_is_written_where_it_may_be(folder):

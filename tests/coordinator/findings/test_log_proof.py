@@ -115,11 +115,24 @@ def test_a_robot_at_its_goal_holds_nobody_and_is_granted_nothing(plan):
     stairs = plan.staircases
     behind, ahead = int(stairs.behind[0]), int(stairs.ahead[0])
     granted = Granted(plan)
-    granted.take_command(go(1, int(stairs.at[0]) - 1))
+    far, near = 10**8, ((behind, int(stairs.at[0]) - 1),)
+    granted.take_command(go(1, far, near))
     granted.take_report(names[ahead], Report(1, 1, 1, DONE))
-    granted.take_command(go(2, 10**8, ((behind, int(stairs.at[-1])),)))
+    granted.take_command(go(2, far, ((behind, int(stairs.at[-1])),)))
     assert granted.failures == []
     assert granted.holder(names[behind]) is None
+
+
+def test_a_robot_that_claims_a_goal_to_which_nobody_let_it_drive_has_not_passed_anything(plan):
+    names = [robot.id for robot in plan.document.robots]
+    stairs = plan.staircases
+    behind, ahead = int(stairs.behind[0]), int(stairs.ahead[0])
+    granted = Granted(plan)
+    granted.take_command(go(1, int(stairs.at[0]) - 1))
+    granted.take_report(names[ahead], Report(1, 1, 1, DONE, stamp_ms=10**8))
+    assert granted.failures == []
+    granted.take_command(go(2, int(stairs.at[0]) - 1, ((behind, int(stairs.at[-1])),)))
+    assert "must have passed" in granted.failures[0]
 
 
 def test_authority_of_a_held_robot_that_is_granted_as_to_all_others_is_found(plan):

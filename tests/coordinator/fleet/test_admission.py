@@ -184,7 +184,7 @@ def test_a_robot_that_came_back_and_died_again_freezes_nobody(gone):
     for _ in range(3):
         assert ask(floor) == []
     told = [incident.text for incident in floor.fleet.incidents[before:]]
-    assert told == ["R2 has come back but is no longer heard"]
+    assert told == ["R2 has come back but is no longer heard; start its program again"]
     floor.hello("R2", boot=9, place=(0, 0, 0))
     (sent,) = ask(floor)
     assert decode("command", sent.payload).phase == FREEZE
@@ -203,7 +203,9 @@ def test_who_asked_for_a_robot_that_did_not_say_where_it_stands_is_refused_and_o
         floor.tick()
     floor.fleet.adopt(3, {name: PARTS[name] for name in ("R1", "R3")}, floor.now, grants())
     (sent,) = ask(floor)
-    assert decode("plan", sent.payload).reason.startswith("R2 was waited for and did not say where")
+    assert decode("plan", sent.payload).reason.startswith(
+        "R2 did not say where it stands; start its"
+    )
     assert floor.fleet.phase == HOLD
     (sent,) = floor.fleet.hear(keys.admit("hall", "R2"), encode(Admit(8)), floor.now)
     assert decode("command", sent.payload).phase == FREEZE
@@ -235,7 +237,9 @@ def test_who_asks_in_turn_for_a_robot_that_says_no_place_freezes_its_fleet_once(
     adopt(floor, "R1", "R3")
     assert freezes_in(floor, 60, operators, lambda _now: {"boot": 9}) == 1
     (sent,) = ask(floor, operators[-1])
-    assert decode("plan", sent.payload).reason.startswith("R2 was waited for and did not say where")
+    assert decode("plan", sent.payload).reason.startswith(
+        "R2 did not say where it stands; start its"
+    )
 
 
 @pytest.mark.parametrize("period", [2, 3, 5])

@@ -180,6 +180,21 @@ def test_a_robot_that_waits_by_its_plan_has_driven_no_farther_though_its_wait_en
         assert not grants.hear("R1", report(65_000, late=20), 2_000)
 
 
+def test_a_robot_that_claims_its_goal_before_it_was_let_drive_there_is_not_believed():
+    line = Timeline([0.0, 5.0], [0.5, 0.5], [], [])
+    course = SimpleNamespace(driven=SimpleNamespace(timeline=line), arrived=lambda _: course)
+    stairs = staircases((0, 1, 4_000, 2**31 - 1))
+    grants = Grants(stairs, ["R1", "R2"], HEADROOM, (course, course))
+    state(grants, 0)
+    assert not grants.hear("R1", Report(1, 1, 1, DONE, stamp_ms=60_000), 0)
+    assert grants.spans("R1") == [(0, 0, 1_000)]
+    for now in range(0, 9_500, 100):
+        state(grants, now)
+        grants.hear("R1", report(now), now)
+    assert grants.hear("R1", Report(1, 1, 1, DONE, stamp_ms=10_000), 9_500)
+    assert grants.spans("R1") == [(0, EVER, EVER)]
+
+
 def test_a_robot_whose_progress_wavers_does_not_get_on():
     grants = Grants(staircases(), ["R1"], HEADROOM)
     for now in range(0, 15_000, 100):

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import msgspec
 import numpy as np
+import pytest
 
 from coordinator.fleet.orders import OrderBook, PlainBook, known_order, order_of
 from coordinator.scenario.model import Demand, Order
@@ -187,13 +188,16 @@ def test_an_order_with_the_id_of_one_to_another_goal_or_for_another_robot_is_ano
     assert known_order(given, 7) == messages.Order(7, "a", (1.0, 1.0), "R1")
 
 
-def test_an_order_that_was_over_before_a_checkpoint_is_not_said_to_be_another_one():
+@pytest.mark.parametrize("is_old", [False, True])
+def test_where_an_order_led_that_was_over_is_in_a_checkpoint_but_not_in_an_old_one(is_old):
     book, order = OrderBook(robots=ROBOTS), Order(id="a", goal=(1.0, 1.0))
     book.end(book.give(order, 0), ORDER_DONE)
     resumed = OrderBook(robots=ROBOTS)
-    resumed.take_plain(msgspec.convert(msgspec.to_builtins(book.plain()), PlainBook))
+    told = msgspec.convert(msgspec.to_builtins(book.plain()), PlainBook)
+    resumed.take_plain(msgspec.structs.replace(told, led_to={}) if is_old else told)
     assert resumed.tasks["a"].is_over
-    assert resumed.other(Order(id="a", goal=(2.0, 2.0))) is None
+    other = resumed.other(Order(id="a", goal=(2.0, 2.0)))
+    assert other == (None if is_old else order)
 
 
 def make_room(book, now_ms, robot="R1", goal=(5.0, 5.0)):

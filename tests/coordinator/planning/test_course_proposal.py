@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import random
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from coordinator.plan.capacity import Capacity
 from coordinator.plan.course import Course
 from coordinator.plan.document import Limits
 from coordinator.planning.course_proposal import Proposal, among_further, proposal_of, propose
+from coordinator.planning.course_search import search
 from coordinator.planning.planner import plan_fleet
 from coordinator.planning.wish import Site, Wish
 from coordinator.proof.course_proof import course_failures
@@ -280,3 +282,14 @@ def test_a_robot_gets_a_course_that_it_can_hold_or_is_told_what_it_cannot():
         propose(site, dataclasses.replace(wish, holds=Capacity(points=4)), others)
     with pytest.raises(PlanError, match=r"cannot hold its course: \d+ bytes, it holds 100"):
         propose(site, dataclasses.replace(wish, holds=Capacity(size=100)), others)
+
+
+def test_a_way_past_too_many_places_to_be_sent_is_refused_with_what_would_help():
+    site, courses, robots = a_site(a_scenario([a_robot("R1", (1.0, 4.0), (2.0, 4.0))]))
+    wish = a_wish(courses, robots, "R1", (9.0, 4.0))
+    places = random.Random(2)
+    via = tuple((places.uniform(1.0, 9.0), places.uniform(1.0, 7.0)) for _ in range(50))
+    found = search(site, dataclasses.replace(wish, robot=replace(wish.robot, via=via)), [])
+    assert found.proposal is None
+    assert found.reason.startswith("has a way that cannot be sent: arc length along the curve is")
+    assert found.reason.endswith("; fewer places to pass would help")

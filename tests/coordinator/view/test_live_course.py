@@ -293,3 +293,16 @@ def test_how_late_robots_are_and_who_holds_whom_is_told_from_the_messages():
     assert tell(waits + 900, {ahead: 0, behind: 0})
     (held,) = course.scene().held
     assert held.until == pytest.approx((waits + 900) / 1000.0, abs=1e-3)
+
+
+def test_who_begins_to_listen_when_all_robots_have_had_orders_is_told_nothing_of_who_is_held():
+    document = plan_scenario(CROSS)
+    course, fleet = LiveCourse(document.scenario, None), document.scenario
+    for number, robot in enumerate(document.robots):
+        course.hear(keys.hello(fleet, robot.id), encode(Hello(2, 1, robot.radius)), OURS)
+        later = pack(document, robot, number + 2, revision=1, begin_ms=500)
+        course.hear(keys.plan(fleet, robot.id), later, OURS)
+    late = Command(1, 1, 1, 1, GO, ZERO, ZERO + 2 * SECOND, 1_500, ((2, 900), (3, 900)))
+    course.hear(keys.command(fleet), encode(late), OURS + 2.0)
+    assert course.held_now() == {}
+    assert len(course.scene().robots) == 2

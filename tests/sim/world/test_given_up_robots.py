@@ -370,6 +370,28 @@ def test_a_program_that_comes_while_silence_is_excused_gets_no_course_either(tmp
     assert (check_log(log).difference, prove_log(log, before=logs_before(log)).holds) == ("", True)
 
 
+@pytest.mark.parametrize("starts", [0.37, 0.46, 0.57, 0.67])
+def test_a_program_that_comes_after_an_order_while_silence_is_excused_gets_no_course_either(
+    tmp_path, starts
+):
+    world, logs = a_fleet(tmp_path, [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 7.0))])
+    say = operator(world)
+    world.run(4.0)
+    world.strike(Fault("kill", "R1", 1.0, 0.0))
+    world.strike(Fault("coordinator-restart", "", 1.0, 1.0))
+    world.run(1.2)
+    say(Said(9, "a", (8.0, 1.0), robot="R1"))
+    world.run(starts)
+    world.renew("R1", 78, world.robots["R1"].body.true_pose())
+    world.run(6.0)
+    assert world.robots["R1"].service.agent.ride is None
+    admit(world, "R1")
+    world.run(20.0)
+    logs.close()
+    assert states(world)["a"] == ORDER_DONE
+    assert nobody_touches(world)
+
+
 def test_a_robot_that_joined_and_is_started_anew_waits_until_it_is_admitted(tmp_path):
     robots = [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 7.0))]
     world, logs = a_fleet(tmp_path, robots)
