@@ -153,8 +153,9 @@ class Alarms:
         """Return the alarm about a robot; None if it needs nobody."""
         back = f"back-{robot.id}"
         was_lost = f"lost-{robot.id}" in self._now or back in self._now
-        if was_lost and robot.is_heard and robot.phase == PHASE_NAMES[IDLE]:
-            text = f"{robot.id} is back and has no course"
+        is_back = robot.is_back or (was_lost and robot.phase == PHASE_NAMES[IDLE])
+        if is_back and robot.is_heard:
+            text = f"{robot.id} is back{_where(robot)} and has no course"
             return Alarm(id=back, since=now, text=text, todo=_BACK, robot=robot.id)
         return _trouble_of(robot, now) or self._often_lost(robot.id, now)
 
@@ -170,6 +171,13 @@ class Alarms:
 
 def _refusal(order: str) -> str:
     return f"refused-{order}"
+
+
+def _where(robot: RobotState) -> str:
+    if robot.place is None:
+        return ", does not say where it stands,"
+    x, y, _ = robot.place
+    return f" at ({x:.1f}, {y:.1f})"
 
 
 def _named(order: OrderState) -> str:
@@ -204,7 +212,7 @@ def _unheard(now: float) -> Alarm:
 
 def _trouble_of(robot: RobotState, now: float) -> Alarm | None:
     """Return the alarm about what a robot says or that it is not heard; None if it needs nobody."""
-    if robot.age is None:
+    if robot.age is None and not robot.stretch:
         return None
     if not robot.is_heard:
         text = f"{robot.id} is not heard"
@@ -216,7 +224,11 @@ def _trouble_of(robot: RobotState, now: float) -> Alarm | None:
                 else f". By its course it stands, or will stop, between {first} and {last}"
             )
         return Alarm(
-            id=f"lost-{robot.id}", since=now - robot.age, text=text, todo=_LOST, robot=robot.id
+            id=f"lost-{robot.id}",
+            since=now - (robot.age or 0.0),
+            text=text,
+            todo=_LOST,
+            robot=robot.id,
         )
     if robot.fault and not (robot.phase == "idle" and robot.fault == "clock not certain"):
         todo = _FAULTS.get(robot.fault, "Its own output says what is wrong.")

@@ -34,6 +34,8 @@ class RobotState(msgspec.Struct, frozen=True, kw_only=True):
     behind which it has to slow down or stand, held_since [s] since when after the first GO; null if
     nobody holds it.  stretch: of a robot that is not heard, where it may
     stand: points [m] of its course, from where it was heard last to where its authority ends.
+    is_back: its program was started again, and waits until the robot is admitted; place: where it
+    says that it stands, x, y [m] and heading [rad], null if it does not know.
     """
 
     id: str
@@ -47,6 +49,8 @@ class RobotState(msgspec.Struct, frozen=True, kw_only=True):
     held_by: str = ""
     held_since: float | None = None
     stretch: list[tuple[float, float]] = []
+    is_back: bool = False
+    place: tuple[float, float, float] | None = None
 
     @property
     def rests(self) -> bool:

@@ -18,6 +18,7 @@ from coordinator.desk.answers import FleetAnswer, RobotState
 from coordinator.exchange.vda5050_state import Seen
 from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.log_records import LINK_UP
+from coordinator.fleet.member import place_of
 from coordinator.fleet.orders import LEAVE
 from coordinator.plan.wire import unpack
 from protocol import keys
@@ -30,6 +31,7 @@ from protocol.messages import (
     UNDER_WAY,
     Block,
     Command,
+    Hello,
     Join,
     Message,
     OrderState,
@@ -37,12 +39,25 @@ from protocol.messages import (
     Report,
     Unblock,
 )
-from protocol.phases import COMMAND_NAMES, DONE, GO, NO_FAULT, OVER, PHASE_NAMES, fault_name
+from protocol.phases import (
+    COMMAND_NAMES,
+    DONE,
+    GO,
+    IDLE,
+    NO_FAULT,
+    OVER,
+    PHASE_NAMES,
+    STOP,
+    fault_name,
+)
 from protocol.plan_parts import unpack_plan
 from protocol.timing import LATE_STEP_MS, REPORT_TIMEOUT, SECOND
 
 _SILENCE: Final = REPORT_TIMEOUT / SECOND
 """Who has said nothing for so long [s] is not heard; robots on the coordinator's clock, too."""
+
+_MISSED_S: Final = 5.0
+"""A robot of a fleet that drives, of which nothing was heard for so long [s], is missed."""
 
 _CARRIED_S: Final = 60.0
 """Who takes out a robot that is heard has so long to switch it off and carry it away."""
@@ -102,6 +117,12 @@ class KnownFleet:
         self.joined: dict[str, Join] = {}
         """What was said of robots that have joined."""
 
+        self._places: dict[str, tuple[float, float, float] | None] = {}
+        """By robot: where its program said that it stands, x, y [m] and heading [rad]."""
+
+        self._known_since: dict[str, float] = {}
+        """When [s] each robot's newest course was first heard."""
+
         self._robots: dict[str, _Heard | None] = {}
         self._cut_off: frozenset[str] = frozenset()
         """Robots whose links were lost, and that have not been heard since."""
@@ -128,6 +149,10 @@ class KnownFleet:
             return None
         self.fleet = place[0]
         self.heard[kind] += 1
+        self._take(message, kind, name, now)
+        return message
+
+    def _take(self, message: Message, kind: str, name: str, now: float) -> None:
         if isinstance(message, Command):
             self._command = (message, now)
             if message.phase == GO:
@@ -143,10 +168,11 @@ class KnownFleet:
         elif isinstance(message, Plan):
             self._outside.pop(name, None)
             self._robots.setdefault(name, None)
-            self._take_plan(message)
+            self._take_plan(message, now)
+        elif isinstance(message, Hello):
+            self._places[name] = place_of(message)
         elif isinstance(message, Join):
             self.joined[message.robot] = message
-        return message
 
     def is_heard(self, now: float) -> bool:
         """Return whether the coordinator is heard."""
@@ -238,7 +264,8 @@ class KnownFleet:
     def _robot(self, name: str, now: float, held: Mapping[str, tuple[str, float]]) -> RobotState:
         heard = self._robots[name]
         if heard is None:
-            return RobotState(id=name)
+            known_s = now - self._known_since.get(name, now)
+            return RobotState(id=name, stretch=self._stretch(name) if known_s > _MISSED_S else [])
         report, is_heard = heard.report, self._hears(name, heard, now)
         mine = [one for one in self.orders.values() if one.robot == name]
         going = _under_way(mine)
@@ -256,7 +283,18 @@ class KnownFleet:
             held_by=held_by,
             held_since=held_since,
             stretch=[] if is_heard else self._stretch(name, report),
+            is_back=self._is_back(name, heard),
+            place=self._places.get(name) if report.epoch == 0 else None,
         )
+
+    def _is_back(self, name: str, heard: _Heard) -> bool:
+        """Return whether a robot speaks of no course, although it was sent one of this epoch."""
+        report, since = heard.report, self._known_since.get(name, math.inf)
+        plan, command = self.plans.get(name), self.command
+        drives = command is not None and command.phase in (GO, STOP)
+        was_sent = plan is not None and command is not None and plan.epoch == command.epoch
+        has_none = report.phase == IDLE and report.epoch == 0 and heard.at - since > _SILENCE
+        return drives and was_sent and has_none
 
     def _hears(self, name: str, heard: _Heard, now: float) -> bool:
         """Return whether a robot is heard still.
@@ -273,21 +311,29 @@ class KnownFleet:
             return False
         return command.said_ns - then.said_ns < REPORT_TIMEOUT
 
-    def _stretch(self, name: str, report: Report) -> list[tuple[float, float]]:
-        """Return where a robot may stand on the course that it drives, as points [m]."""
-        plan = self._driven.get(name, {}).get(report.revision)
-        if plan is None or plan.epoch != report.epoch:
+    def _stretch(self, name: str, report: Report | None = None) -> list[tuple[float, float]]:
+        """Return where a robot may stand on the course that it drives, as points [m].
+
+        `report`: what it said last, None if it was never heard; then it may be anywhere on its
+        newest course.
+        """
+        plan = self.plans.get(name)
+        if report is not None:
+            plan = self._driven.get(name, {}).get(report.revision)
+        epoch = report.epoch if report is not None else self.command and self.command.epoch
+        if plan is None or plan.epoch != epoch:
             return []
         granting = self._granting.get(plan.epoch)
         until_ms = None if granting is None else granting.authority_of(plan.number)
         known = self._reached.get(name)
         if until_ms is not None:
-            times = (min(_passed_ms(report, until_ms), until_ms), until_ms)
+            passed_ms = plan.begin_ms if report is None else _passed_ms(report, until_ms)
+            times = (min(passed_ms, until_ms), until_ms)
             if known is None or (known.plan, known.times_ms) != (plan, times):
                 known = self._reached[name] = _Reached(plan, times, _points(plan, times))
         return known.points if known is not None and known.plan is plan else []
 
-    def _take_plan(self, plan: Plan) -> None:
+    def _take_plan(self, plan: Plan, now: float) -> None:
         courses = self._driven.setdefault(plan.robot, {})
         courses[plan.revision] = plan
         for old in [revision for revision in courses if revision < plan.revision - 1]:
@@ -295,6 +341,8 @@ class KnownFleet:
         mine = self.plans.get(plan.robot)
         if mine is None or (mine.epoch, mine.revision) <= (plan.epoch, plan.revision):
             self.plans[plan.robot] = plan
+            if mine != plan:
+                self._known_since[plan.robot] = now
             if mine is not None and mine.revision < plan.revision:
                 self.alarms.admitted(plan.robot)
 

@@ -11,7 +11,7 @@ from typing import Final
 import shapely
 
 from coordinator.fleet.events import Outgoing
-from coordinator.fleet.member import Member
+from coordinator.fleet.member import BOOTS, Member
 from coordinator.fleet.orders import JOIN, LEAVE, known_order, order_of, robot_of
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.fleet.state import FleetState
@@ -36,6 +36,10 @@ from protocol.messages import (
     Unblock,
 )
 from protocol.phases import FROZEN, GO, IDLE, STOP
+from protocol.timing import SECOND
+
+_SAID_AGAIN: Final = SECOND
+"""Operators' programs say a word several times a second until they are answered."""
 
 _NOWHERE: Final = 0.01
 """A course of at most this length [m] leads nowhere."""
@@ -220,14 +224,24 @@ class OperatedFleet(FleetState):
         return [Outgoing(keys.blocks(self.name, known.id), encode(known))]
 
     def _hear_tell(self, message: Tell, now_ns: int) -> list[Outgoing]:
-        """Stop, go on, or end when all rest."""
+        """Stop, go on, or end when all rest.
+
+        Who repeats that the fleet goes on says it once: a STOP since then is not undone by it.
+        """
         if message.what == END:
             if not self.is_ending:
                 self._tell(now_ns, "order", "", f"the fleet ends when all rest{_by(message)}")
             self.is_ending, self.orders.stays = True, False
             return []
-        turned = self.stop if message.what == HALT else self.go_on
-        return turned(now_ns, message.by)
+        if message.what == HALT:
+            return self.stop(now_ns, message.by)
+        said_ns = self.go_on_ns.pop(message.boot, None)
+        self.go_on_ns[message.boot] = now_ns
+        if len(self.go_on_ns) > BOOTS:
+            del self.go_on_ns[next(iter(self.go_on_ns))]
+        if said_ns is not None and now_ns - said_ns < _SAID_AGAIN:
+            return self._commands(now_ns)
+        return self.go_on(now_ns, message.by)
 
 
 def _by(message: Tell | Block | Unblock | Join | Leave | Cancel) -> str:

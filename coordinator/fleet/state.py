@@ -72,6 +72,7 @@ class PlainFleet(msgspec.Struct, frozen=True, omit_defaults=True):
     blocks: list[Block]
     numbers: dict[str, int | bool | None]
     outside_ns: dict[str, int] = {}
+    go_on_ns: dict[int, int] = {}
 
 
 class FleetState:
@@ -121,6 +122,9 @@ class FleetState:
         self.outside_ns: dict[str, int] = {}
         """Robots that were taken out unheard: when each was heard since [ns], 0 if it was not."""
 
+        self.go_on_ns: dict[int, int] = {}
+        """By boot id of operators' programs: when each said last that the fleet goes on."""
+
         self.is_ending = False
         """Whether an operator has told the fleet to end when all rest."""
 
@@ -137,6 +141,7 @@ class FleetState:
             list(self.blocks.values()),
             {name: getattr(self, name) for name in _KEPT},
             dict(self.outside_ns),
+            dict(self.go_on_ns),
         )
 
     @classmethod
@@ -153,7 +158,7 @@ class FleetState:
         if told.router_up is not None:
             made._router.take(told.router_up)
         made.blocks = {block.id: block for block in told.blocks}
-        made.outside_ns = dict(told.outside_ns)
+        made.outside_ns, made.go_on_ns = dict(told.outside_ns), dict(told.go_on_ns)
         made._told_orders = {
             one.id: one.state for one in told.orders.said.values() if one.state or one.reason
         }
@@ -245,6 +250,7 @@ class FleetState:
         """Take in that the clock has begun anew: what was before it was that much earlier [ns]."""
         self._first_go_ns += by_ns if self.has_gone else 0
         self._waits_since_ns = None
+        self.go_on_ns.clear()
         self.outside_ns = {name: at and at + by_ns for name, at in self.outside_ns.items()}
         for member in self.members.values():
             member.set_back(by_ns)

@@ -12,7 +12,7 @@ from typing import Final
 from coordinator.desk.alarms import Alarms
 from coordinator.desk.answers import Alarm, RobotState
 from coordinator.fleet.core import Fleet
-from coordinator.fleet.member import Member
+from coordinator.fleet.member import Member, place_of
 from protocol.phases import IDLE, NO_FAULT, OVER, PHASE_NAMES, fault_name
 from protocol.timing import REPORT_TIMEOUT, SECOND
 
@@ -71,7 +71,15 @@ class AlarmBell:
 def _state_of(fleet: Fleet, member: Member, order: str, now_ns: int) -> RobotState:
     """Return a robot as the alarms look at it: one that has come back is heard, and idle."""
     if member.has_come_back(now_ns):
-        return RobotState(id=member.id, phase=PHASE_NAMES[IDLE], age=0.0, is_heard=True)
+        hello = member.admission.hello
+        return RobotState(
+            id=member.id,
+            phase=PHASE_NAMES[IDLE],
+            age=0.0,
+            is_heard=True,
+            is_back=True,
+            place=None if hello is None else place_of(hello),
+        )
     is_heard = not member.is_silent(now_ns)
     return RobotState(
         id=member.id,

@@ -144,7 +144,8 @@ def test_a_file_that_has_no_place_or_another_suffix_is_refused_before_any_work(
     assert sorted(folder.rglob("*")) == before
 
 
-def test_a_log_that_a_coordinator_is_writing_is_not_resumed(folder):
+@pytest.mark.usefixtures("folder")
+def test_a_log_that_a_coordinator_is_writing_is_not_resumed():
     with Path("run-0001.mcap").open("wb") as log, open_own(Path("day.mcap"), replace=True):
         fcntl.flock(log.fileno(), fcntl.LOCK_EX)
         for resume, file in ((".", "run-0001.mcap"), ("day.mcap", "day.mcap")):

@@ -8,7 +8,16 @@ from coordinator.fleet.log_records import LINK_GONE
 from coordinator.planning.planner import plan_fleet
 from protocol import keys
 from protocol.codec import encode
-from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, WAITING, Block, OrderState, Unblock
+from protocol.messages import (
+    ORDER_DONE,
+    REFUSED,
+    UNDER_WAY,
+    WAITING,
+    Block,
+    Hello,
+    OrderState,
+    Unblock,
+)
 from protocol.phases import CLOCK_UNSURE, DONE, DRIVER_ERROR, FREEZE, FROZEN, IDLE, MOVING, OVER
 from tests.coordinator.desk.fake_fleet import FLEET, a_command, a_report
 from tests.scenarios import a_robot, a_scenario
@@ -313,3 +322,40 @@ def test_a_robot_that_is_lost_often_calls_also_while_it_is_heard():
     assert alarm.text == "R1 was not heard 3 times in ten minutes"
     fleet_of(COMMAND, report("R1", phase=MOVING), known=known, at=611.0)
     assert known.answer(611.0, {}).alarms == []
+
+
+def test_a_desk_that_begins_late_misses_a_robot_of_which_nothing_is_heard():
+    (driven, *_) = plan_fleet(a_scenario(CROSSED), effort=0).driven
+    plan, command = driven.plan, msgspec.structs.replace(a_command(), headroom_ms=2_000)
+    known = fleet_of((keys.plan(FLEET, plan.robot), plan), (keys.command(FLEET), command))
+    later = msgspec.structs.replace(command, said_ns=6 * 10**9)
+    fleet_of((keys.command(FLEET), later), known=known, at=4.0)
+    assert known.answer(4.0, {}).alarms == []
+    fleet_of((keys.command(FLEET), later), known=known, at=6.0)
+    (alarm,) = known.answer(6.0, {}).alarms
+    assert alarm.text.startswith(
+        f"{plan.robot} is not heard. By its course it stands, or will stop"
+    )
+    fleet_of(report(plan.robot, phase=MOVING), known=known, at=6.1)
+    assert known.answer(6.2, {}).alarms == []
+
+
+@pytest.mark.parametrize(
+    ("place", "where"),
+    [((1_500, 2_000, 0), " at (1.5, 2.0)"), (None, ", does not say where it stands,")],
+)
+def test_a_robot_that_was_back_before_the_desk_began_calls_with_where_it_stands(place, where):
+    (driven, *_) = plan_fleet(a_scenario(CROSSED), effort=0).driven
+    plan = driven.plan
+    known = fleet_of((keys.plan(FLEET, plan.robot), plan), COMMAND)
+    hello = (keys.hello(FLEET, plan.robot), Hello(9, 1, 0.2, place=place))
+    back = msgspec.structs.replace(a_report(phase=IDLE), epoch=0)
+    for at in (0.5, 1.2):
+        assert known.answer(at, {}).alarms == []
+        heard = (hello, (keys.report(FLEET, plan.robot), back), command_at(at))
+        fleet_of(*heard, known=known, at=at)
+    (alarm,) = known.answer(1.3, {}).alarms
+    assert (alarm.id, alarm.text) == (
+        f"back-{plan.robot}",
+        f"{plan.robot} is back{where} and has no course",
+    )

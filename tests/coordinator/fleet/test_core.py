@@ -21,7 +21,7 @@ from coordinator.fleet.sent_courses import Span
 from coordinator.fleet.standstills import STUCK_MS
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import Clock, Hello, Report
+from protocol.messages import GO_ON, HALT, Clock, Hello, Report, Tell
 from protocol.phases import (
     BRAKING,
     CLOCK_UNSURE,
@@ -274,6 +274,25 @@ def test_stop_stops_everybody_and_the_plan_goes_on_where_it_was():
     drive(floor, 5.0, "R1", "R2", "R3")
     assert floor.commands[-1].phase == GO
     assert told_of(floor) == []
+
+
+def test_who_repeats_that_the_fleet_goes_on_does_not_undo_a_later_stop():
+    floor = Floor().go()
+
+    def say(boot, what):
+        floor.take(floor.fleet.hear(keys.tell("hall"), encode(Tell(boot, what)), floor.now))
+        return floor.fleet.phase
+
+    assert say(7, HALT) == STOP
+    assert say(8, GO_ON) == GO
+    for _ in range(20):
+        assert say(7, HALT) == STOP
+        drive(floor, 0.2, "R1", "R2", "R3")
+        assert say(8, GO_ON) == STOP
+    assert say(9, GO_ON) == GO
+    assert say(7, HALT) == STOP
+    drive(floor, 1.2, "R1", "R2", "R3")
+    assert say(8, GO_ON) == GO
 
 
 def test_no_robot_is_told_more_than_the_log_says_ahead():
