@@ -10,7 +10,7 @@ the page; in a log without a GO, from its first message.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import msgspec
@@ -126,7 +126,7 @@ class _Telling:
         self._phase: tuple[int, int] | None = None
         self._faults: dict[str, int] = {}
         self._unfit: dict[str, str] = {}
-        self._heard: dict[str, tuple[int, int]] = {}
+        self._heard = {robot: (begin_ns, phase) for robot, phase in _last_phases(before[-1:])}
         self._quiet: set[str] = set()
         """Robots that have lost their links or fell silent, and were not heard since."""
 
@@ -446,14 +446,28 @@ class _Telling:
         self.summary.faults.append(FaultSummary(self._seconds(log_ns), robot, fault, kind))
 
 
+def _last_phases(logs: Iterable[Log]) -> list[tuple[str, int]]:
+    """Return the robots that were heard in logs, each with the phase that it reported last."""
+    found: dict[str, int] = {}
+    for robot, report, _ in _reports(logs):
+        found[robot] = report.phase
+    return list(found.items())
+
+
 def _arrivals(logs: Iterable[Log]) -> dict[str, tuple[tuple[int, int], int]]:
     """Return the course on which each robot arrived last, and when that was first heard [ns]."""
     found: dict[str, tuple[tuple[int, int], int]] = {}
+    for robot, report, log_ns in _reports(logs):
+        course = (report.epoch, report.revision)
+        if report.phase == phases.DONE and found.get(robot, ((0, 0), 0))[0] != course:
+            found[robot] = (course, log_ns)
+    return found
+
+
+def _reports(logs: Iterable[Log]) -> Iterator[tuple[str, Report, int]]:
+    """Yield the robots' reports in logs, each with when it was heard [ns]."""
     for record in (record for log in logs for record in log.records):
         place = keys.split(record.key)
         message = codec.decode("report", record.payload) if place and place[1] == "report" else None
-        if place and isinstance(message, Report) and message.phase == phases.DONE:
-            course = (message.epoch, message.revision)
-            if found.get(place[2], ((0, 0), 0))[0] != course:
-                found[place[2]] = (course, record.log_ns)
-    return found
+        if place and isinstance(message, Report):
+            yield place[2], message, record.log_ns

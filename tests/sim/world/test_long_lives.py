@@ -2,6 +2,7 @@
 
 import pytest
 
+from coordinator.findings.info import summarise
 from coordinator.findings.log_proof import prove_log
 from coordinator.fleet.phases import LONGEST_EPOCH
 from coordinator.log.log_file import logs_before, read_log
@@ -151,3 +152,22 @@ def test_a_report_that_comes_after_a_newer_one_says_nothing_in_the_proof_of_a_lo
     assert states(world)["b"] == ORDER_DONE
     assert nobody_touches(world)
     assert prove_log(read_log(logs.paths[-1])).holds
+
+
+def test_the_log_of_a_coordinator_that_took_over_tells_who_died_meanwhile(tmp_path):
+    logs = RunLogs(tmp_path)
+    robots = [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 6.0))]
+    world = a_world(a_scenario(robots), stays=True, logs=logs)
+    say = operator(world)
+    world.run(3.0)
+    say(Said(9, "a", (8.0, 1.0), "R1"))
+    world.run(3.0)
+    world.coordinator.die()
+    world.strike(Fault("kill", "R1", 0.0))
+    resumed(world)
+    world.run(20.0)
+    logs.close()
+    log = read_log(logs.paths[-1])
+    told = summarise(log, before=logs_before(log))
+    assert [(one["robot"], one["fault"]) for one in told["faults"]] == [("R1", "fell silent")]
+    assert told["robots"]["R1"]["fault"] == "fell silent"
