@@ -22,7 +22,7 @@ _LOST: Final = (
     "or carry it away and take it out. Others keep away from where it may stand."
 )
 _BACK: Final = (
-    "Walk in only while the fleet is stopped. Admit it if it stands where it says; "
+    "Walk in only while the fleet is stopped. Admit it if it stands where its program says; "
     "or carry it away and take it out."
 )
 _FAULTS: Final = {
@@ -175,7 +175,7 @@ def _refusal(order: str) -> str:
 
 def _where(robot: RobotState) -> str:
     if robot.place is None:
-        return ", does not say where it stands,"
+        return ""
     x, y, _ = robot.place
     return f" at ({x:.1f}, {y:.1f})"
 

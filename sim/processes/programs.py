@@ -65,7 +65,8 @@ class Programs:
         """Return the commands that a person types to start a robot at a pose and to admit it."""
         reach = [robot, f"--connect={endpoint}", f"--fleet={self._fleet}"]
         place = [f"{number:.3f}" for number in pose]
-        agent = ["splinefleet", "agent", *reach, *self._both, "--at", *place]
+        box = f"--blackbox={self._folder / 'blackbox' / f'{robot}.csv'}"
+        agent = ["splinefleet", "agent", *reach, *self._both, box, "--at", *place]
         keys = [] if self._keys is None else [f"--keys={self._keys}"]
         admit = ["splinefleet", "admit", *reach, *keys]
         return f"`{shlex.join(agent)}`, then `{shlex.join(admit)}`"

@@ -342,7 +342,7 @@ def test_a_desk_that_begins_late_misses_a_robot_of_which_nothing_is_heard():
 
 @pytest.mark.parametrize(
     ("place", "where"),
-    [((1_500, 2_000, 0), " at (1.5, 2.0)"), (None, ", does not say where it stands,")],
+    [((1_500, 2_000, 0), " at (1.5, 2.0)"), (None, "")],
 )
 def test_a_robot_that_was_back_before_the_desk_began_calls_with_where_it_stands(place, where):
     (driven, *_) = plan_fleet(a_scenario(CROSSED), effort=0).driven
