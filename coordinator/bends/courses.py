@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from itertools import pairwise
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,13 @@ class Course:
     samples: Array
 
 
+class Road(NamedTuple):
+    """A path with its track."""
+
+    path: Nurbs
+    track: Track
+
+
 class CourseMaker:
     """Makes the courses of a fleet."""
 
@@ -75,16 +83,20 @@ class CourseMaker:
             waits.insert(0, Wait(0.0, delay, -1))
         return self._moving(index, course.path, course.track, Motion(motion.limits, waits))
 
-    def paced(self, index: int, space: Space, way: Array, pace: float) -> Course | None:
-        """Return the course along a polygon (n, 2) [m], at most at a pace [m/s], from time 0 on.
-
-        None without a clear curve.
-        """
+    def road(self, index: int, space: Space, way: Array) -> Road | None:
+        """Return a robot's road along a polygon (n, 2) [m]; None if no curve is clear."""
         path = self._curve(index, space, way)
-        if path is None:
-            return None
-        slow = [Slow(0.0, path.length, pace)] if pace < _FULL * self.speed(index) else []
-        return self._timed(index, path, self._track_of(index, path), [], slow)
+        return None if path is None else Road(path, self._track_of(index, path))
+
+    def paced(self, index: int, road: Road, paces: Array) -> Course:
+        """Return the course along a road from time 0 on; `paces` [m/s] bound equal parts of it."""
+        borders = np.linspace(0.0, road.path.length, len(paces) + 1).tolist()
+        slow = [
+            Slow(begin, end, pace)
+            for (begin, end), pace in zip(pairwise(borders), paces.tolist(), strict=True)
+            if pace < _FULL * self.speed(index)
+        ]
+        return self._timed(index, road.path, road.track, [], slow)
 
     def along(self, index: int, space: Space, way: Array, times: Array) -> Iterator[Course]:
         """Yield courses along a polygon (n, 2) [m] in a space, its times (n, 2) [s] given.
@@ -93,10 +105,10 @@ class CourseMaker:
         the way, the first course has it come later, slowly, and go on without a rest.  There are
         none without a clear curve.
         """
-        path = self._curve(index, space, way)
-        if path is None:
+        road = self.road(index, space, way)
+        if road is None:
             return
-        track = self._track_of(index, path)
+        path, track = road
         legs = np.hypot(*np.diff(way, axis=0).T)
         along = np.append(0.0, np.cumsum(legs))
         along *= path.length / along[-1]

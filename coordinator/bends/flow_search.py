@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Final
 
 import numpy as np
 
 from coordinator.base.bounds import bounds_of
-from coordinator.bends.courses import Course, CourseMaker, TrackOf, may_bend
+from coordinator.bends.courses import Course, CourseMaker, Road, TrackOf, may_bend
 from coordinator.bends.meshes import NARROW, WIDE, Ends, Meshes
 from coordinator.bends.same_side import Mover, same_side
 from coordinator.bends.traffic_kernels import (
@@ -31,6 +31,7 @@ from coordinator.bends.traffic_kernels import (
 from coordinator.bends.way_kernels import Trip
 from coordinator.bends.ways import PADS, way_among
 from coordinator.curves.nurbs import Array, Nurbs
+from coordinator.motion.velocity_profile import Motion
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.scenario.model import Robot
 from coordinator.schedule.track import Track
@@ -62,12 +63,28 @@ one finds none, it mostly is not the only one."""
 _JAM: Final = 0.2
 """If robots lose more than this share of the time that they take alone, all keep to one side."""
 
+_PARTS: Final = 8
+_HALVINGS: Final = 10
+_LEAST_ROOM: Final = 0.05
+"""Robots that keep to the same side have a pace of their own on so many parts of their ways, as
+their room [m] is there; it is found by so many halvings."""
+
+_SAME: Final = 1e-6
+
 _MISSING: Final = 100.0
 """What a robot without a motion counts as delay [s]."""
 
 
+AreApart = Callable[[Sequence[Track]], Callable[[Sequence[Motion]], bool]]
+"""Returns for tracks whether nobody meets anybody on them by motions, on exact conflict zones."""
+
+
 class FlowSearch:
-    """A search for the ways of a whole fleet."""
+    """A search for the ways of a whole fleet.
+
+    `last`: what share the last arrival has in the cost of a plan, beside the mean one.
+    `are_apart`: None if there are too many robots for exact zones before the end.
+    """
 
     def __init__(
         self,
@@ -76,7 +93,10 @@ class FlowSearch:
         tracks: Sequence[Track],
         track_of: TrackOf,
         tau: float,
+        last: float = 0.0,
+        are_apart: AreApart | None = None,
     ) -> None:
+        self._last, self._are_apart = last, are_apart
         scenario = finder.scenario
         self.robots, self.margin, self.tau = scenario.robots, scenario.margin, tau
         bending = [index for index, robot in enumerate(self.robots) if may_bend(robot)]
@@ -189,27 +209,31 @@ class FlowSearch:
         return [seed, *first[met[first] > 0].tolist()]
 
     def _try(self, chosen: list[int]) -> None:
-        """Put robots back in this order; undo it if they arrive no earlier in total."""
+        """Put robots back in this order; undo it if that is no better."""
         if self.random.random() < _SHUFFLED:
             self.random.shuffle(chosen)
-        before = [self.courses[index] for index in chosen]
-        was = sum(self._delay(index) for index in chosen)
+        before, arrivals = [self.courses[index] for index in chosen], self._arrivals()
+        left = [arrival for index, arrival in enumerate(arrivals) if index not in chosen]
+        earlier = max(arrivals) - max(left, default=0.0)
+        gain = self._last * len(arrivals) * max(earlier, 0.0)
+        most = sum(self._delay(index) for index in chosen) + gain
         for index in chosen:
             self._put(index, None)
         now = 0.0
         for index in chosen:
-            if not self._place(index, self.alone[index] + was - now):
+            if not self._place(index, self.alone[index] + most - now):
                 break
             now += self._delay(index)
-            if now >= was - 1e-6:
+            if now >= most - _SAME:
                 break
         else:
-            return
+            if self._cost(self._arrivals()) < self._cost(arrivals) - _SAME:
+                return
         for index, course in zip(chosen, before, strict=True):
             self._put(index, course)
 
     def _turn(self) -> None:
-        """Let all robots keep to the same side, at one pace, if they arrive earlier in total."""
+        """Let all robots keep to the same side if that is better."""
         was = sum(map(self._delay, range(len(self.robots))))
         if was < _JAM * sum(self.alone) or not all(map(may_bend, self.robots)):
             return
@@ -229,18 +253,55 @@ class FlowSearch:
         def keeps(index: int, way: Array) -> bool:
             return bool(spaces[index].keeping(way[:-1], way[1:]).all())
 
+        best = self._cost(self._arrivals())
         for turning in same_side(movers, keeps, self._traffic_of, need, tau):
-            if turning.arrivals >= was + sum(self.alone):
-                break
-            courses = [
-                self._maker.paced(index, spaces[index], way, turning.pace)
+            found = [
+                self._maker.road(index, spaces[index], way)
                 for index, way in enumerate(turning.arcs)
             ]
-            found = [course for course in courses if course is not None]
-            if len(found) == len(courses) and self._is_clear(found):
-                if sum(course.motion.finish for course in found) < was + sum(self.alone):
-                    self.courses, self._traffic = list(found), None
-                break
+            roads = [road for road in found if road is not None]
+            if len(roads) < len(found) or self._cost(turning.least_arrivals(movers)) >= best:
+                continue
+            courses = self._quickest(roads, turning.pace)
+            cost = self._cost([course.motion.finish for course in courses])
+            if cost < best and (self._are_apart is not None or self._is_clear(courses)):
+                best, self.courses, self._traffic = cost, list(courses), None
+
+    def _quickest(self, roads: Sequence[Road], pace: float) -> list[Course]:
+        """Return courses at a pace [m/s] at which nobody meets anybody, or at quicker ones.
+
+        Quicker ones differ along the roads as the room between robots does.
+        """
+        if self._are_apart is None:
+            return self._paced(roads, np.array([pace]))
+        middles = np.linspace(0.0, 1.0, 2 * _PARTS + 1)[1::2]
+        places = np.array([road.path.at_arc(middles * road.path.length) for road in roads])
+        near = np.hypot(*np.moveaxis(places[:, None] - places[None], -1, 0))
+        near[np.diag_indices(len(roads))] = math.inf
+        need = 2.0 * max(robot.radius for robot in self.robots) + self.margin
+        room = np.maximum(near.min(axis=(0, 1)) - need, _LEAST_ROOM)
+        top = max(map(self._maker.speed, range(len(roads))))
+        are_apart = self._are_apart([road.track for road in roads])
+        low, high = pace / room.max(), top / room.min()
+        found = self._paced(roads, low * room)
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            courses = self._paced(roads, middle * room)
+            if are_apart([course.motion for course in courses]):
+                low, found = middle, courses
+            else:
+                high = middle
+        return found
+
+    def _paced(self, roads: Sequence[Road], paces: Array) -> list[Course]:
+        return [self._maker.paced(index, road, paces) for index, road in enumerate(roads)]
+
+    def _cost(self, arrivals: Sequence[float]) -> float:
+        """Return what plans are compared by: the sum of arrivals [s], and the last one's share."""
+        return sum(arrivals) + self._last * len(arrivals) * max(arrivals)
+
+    def _arrivals(self) -> list[float]:
+        return [alone + self._delay(index) for index, alone in enumerate(self.alone)]
 
     def _is_clear(self, courses: list[Course]) -> bool:
         traffic = self._traffic_of([course.samples for course in courses])

@@ -16,7 +16,7 @@ import numpy as np
 from coordinator.bends.traffic_kernels import Traffic, first_meeting
 from coordinator.curves.nurbs import Array
 
-BULGES: Final = (0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.3)
+BULGES: Final = (0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.15, 1.3, 1.5, 1.8)
 """How far arcs go aside, as shares of half the distance from start to goal; 1 is a half circle."""
 
 _TURN: Final = 0.25
@@ -49,6 +49,10 @@ class Turning(NamedTuple):
     arcs: list[Array]
     pace: float
     arrivals: float
+
+    def least_arrivals(self, movers: Sequence[Mover]) -> list[float]:
+        """Return when robots would arrive [s] if they had the arcs for themselves."""
+        return [_length(way) / one.speed for one, way in zip(movers, self.arcs, strict=True)]
 
 
 def same_side(

@@ -40,7 +40,9 @@ def slowed(limits: SpeedLimits, stretches: Iterable[Slow]) -> SpeedLimits:
         if end - begin < 4.0 * _EDGE:
             continue
         changed = True
-        edges = np.array((begin, begin + _EDGE, end - _EDGE, end))
+        level = _crossings(s, w, speed * speed)
+        level = level[(level > begin + _EDGE) & (level < end - _EDGE)]
+        edges = np.array((begin, begin + _EDGE, *level, end - _EDGE, end))
         heights = np.interp(edges, s, w)
         s, first = np.unique(np.concatenate((s, edges)), return_index=True)
         w = np.concatenate((w, heights))[first]
@@ -51,6 +53,12 @@ def slowed(limits: SpeedLimits, stretches: Iterable[Slow]) -> SpeedLimits:
     s, w = reachable(s, w, 2.0 * limits.ramp, math.isfinite(limits.accel))
     s, w = _corners(s, w, 1e-6 * limits.top)
     return replace(limits, bends=tuple(zip(s.tolist(), w.tolist(), strict=True)))
+
+
+def _crossings(s: Array, w: Array, level: float) -> Array:
+    """Return where a polyline crosses a level: there a robot that speeds up has the lower speed."""
+    k = np.flatnonzero((w[:-1] - level) * (w[1:] - level) < 0.0)
+    return np.asarray(s[k] + (level - w[k]) / (w[k + 1] - w[k]) * (s[k + 1] - s[k]))
 
 
 def _corners(s: Array, w: Array, same: float) -> tuple[Array, Array]:

@@ -382,8 +382,11 @@ def _in_its_way(
     while left[here] > 0.0 and found < most:
         best, onward = math.inf, -1
         for e in range(edges.first[here], edges.first[here + 1]):
-            if floor.fits[e] and floor.length[e] + left[edges.to[e]] < best:
-                best, onward = floor.length[e] + left[edges.to[e]], e
+            there = left[edges.to[e]]  # Places less than a rounding error apart lead to each other.
+            if floor.fits[e] and there < left[here] and floor.length[e] + there < best:
+                best, onward = floor.length[e] + there, e
+        if onward < 0:
+            break
         first = books.edge.first[onward]
         for k in range(first, first + books.edge.size[onward]):
             other = books.edge.whose[k]

@@ -28,6 +28,9 @@ _WORTH: Final = 0.5
 _WORTH_SHARE: Final = 0.005
 """Ways in space and time have to lower the sum of arrivals by _WORTH [s], and by this share."""
 
+_LAST: Final = 0.5
+"""How much the last arrival counts beside the mean one, for fleets of up to MOST_BOTH robots."""
+
 _LEAST_EFFORT: Final = 5
 _ROBOTS: Final = 15
 _ROUNDS: Final = 0.5
@@ -57,8 +60,7 @@ class Flow:
 
     def is_better_than(self, motions: Sequence[Motion]) -> bool:
         """Return whether the paths are worth their bends, compared with other motions."""
-        was = sum(motion.finish for motion in motions)
-        now = sum(motion.finish for motion in self.motions)
+        was, now = cost_of(motions), cost_of(self.motions)
         return now < was - max(_WORTH, _WORTH_SHARE * was)
 
     def told(self) -> str:
@@ -71,6 +73,13 @@ class Flow:
             f"robots that leave their shortest ways so that others can pass: {self.aside}; "
             f"that drive more slowly than they could: {slower}"
         )
+
+
+def cost_of(motions: Sequence[Motion]) -> float:
+    """Return the sum of arrivals [s]; for few robots the last one's share counts as well."""
+    arrivals = [motion.finish for motion in motions]
+    share = _LAST if len(arrivals) <= MOST_BOTH else 0.0
+    return (sum(arrivals) + share * len(arrivals) * max(arrivals)) / (1.0 + share)
 
 
 def is_searched(count: int, effort: int) -> bool:
@@ -98,20 +107,29 @@ def find_flow(
     if not is_searched(len(paths), effort):
         return None
     priorities = [robot.priority for robot in finder.scenario.robots]
-    search = FlowSearch(finder, paths, shortest, track_of, tau)
+
+    def are_apart(tracks: Sequence[Track]) -> Callable[[Sequence[Motion]], bool]:
+        zones = meet(list(tracks))
+        return lambda motions: not meeting(zones, Motions(zones.lengths(), motions), priorities)
+
+    extra = (_LAST, are_apart) if len(paths) <= MOST_BOTH else ()
+    search = FlowSearch(finder, paths, shortest, track_of, tau, *extra)
     rounds = min(int(_ROUNDS * effort), _PLACED * effort // len(paths))
     courses = search.run(rounds if len(set(priorities)) == 1 else 0)
     if courses is None:
         return None
-    junctions = meet([one.track for one in courses])
+    junctions, firm = meet([one.track for one in courses]), list(priorities)
     for repairs in range(_REPAIRS + 1):
         motions = Motions(junctions.lengths(), [one.motion for one in courses])
-        met = meeting(junctions, motions, priorities)
+        met = meeting(junctions, motions, firm)
         if not met or repairs == _REPAIRS:
             break
-        courses = search.place_again(met)
+        before, courses = courses, search.place_again(met)
         for index in met:
-            junctions = junctions.with_track(index, courses[index].track)
+            if courses[index] is before[index]:
+                firm[index] += 1  # It has no other course: next time the other one looks for one.
+            else:
+                junctions = junctions.with_track(index, courses[index].track)
     if not place_again(junctions, motions, met, priorities):
         return None
     owned = _without_needless_rests(junctions, motions, priorities)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.flow import circle
 from coordinator.bends.same_side import BULGES, Mover, arc, same_side
 from coordinator.bends.traffic_kernels import gathered
 from coordinator.planning.planner import plan_scenario
@@ -109,3 +110,17 @@ def test_a_circle_of_seventeen_takes_hardly_longer_than_driving_alone():
     document = plan_scenario(Scenario(name="c", workspace=workspace, robots=robots, tau=TAU))
     assert document.proof.holds
     assert max(robot.finish_time for robot in document.robots) < 1.3 * (18.0 / 0.76 + 0.95)
+
+
+@pytest.mark.parametrize("count", [8, 12, 16])
+def test_a_circle_of_robots_arrives_no_later_than_round_about_at_one_pace(
+    count,
+):
+    scenario = circle(count)
+    one, plan = scenario.robots[0], plan_scenario(scenario)
+    need = 2.0 * one.radius + scenario.margin
+    pace = min(scenario.planned_speed(one), (1.0 - need) / plan.tau)
+    by_hand = 0.5 * count / pace + pace / one.max_accel
+    arrivals = [robot.finish_time for robot in plan.robots]
+    assert max(arrivals) < by_hand
+    assert sum(arrivals) < count * by_hand

@@ -46,3 +46,8 @@ def test_robots_without_a_limit_on_acceleration_slow_down_at_once():
     limits = SpeedLimits(12.0, 0.64, math.inf, ())
     motion = Motion(slowed(limits, [Slow(4.0, 8.0, 0.4)]), [])
     assert motion.finish == pytest.approx(8.0 / 0.8 + 4.0 / 0.4, abs=0.02)
+
+
+def test_a_robot_that_is_slow_from_its_start_to_its_end_speeds_up_as_fast_as_it_can():
+    motion = Motion(slowed(FREE, [Slow(0.0, 12.0, 0.4)]), [])
+    assert motion.finish == pytest.approx(12.0 / 0.4 + 0.4 / FREE.accel, abs=0.02)

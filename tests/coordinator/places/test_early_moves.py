@@ -7,10 +7,12 @@ import random
 import numpy as np
 import pytest
 
+from benchmarks.flow import circle
+from coordinator.paths.path_planner import Pathfinder
 from coordinator.places.early_moves import early_moves, early_plans
 from coordinator.places.move_kernels import SOLVED, Edges, Team, costs_to
 from coordinator.places.moves import find_moves
-from coordinator.places.place_graph import Graph
+from coordinator.places.place_graph import Graph, place_graph
 
 NEED = 0.8
 GAP = 0.3
@@ -164,3 +166,13 @@ def test_two_robots_among_few_places_arrive_as_early_as_possible(seed):
     found = early_plans(graph, moves, GAP)[0].arrival.sum()
     best = least_sum(graph, int(graph.team.left[[0, 1], graph.team.start].sum()) + 4)
     assert found == pytest.approx(best, abs=0.02)
+
+
+def test_places_less_than_a_rounding_error_apart_do_not_lead_to_each_other_for_ever():
+    scenario = circle(14)
+    radii = [robot.radius for robot in scenario.robots]
+    graph = place_graph(scenario, Pathfinder(scenario).floor, radii)
+    outcome, moves = find_moves(graph)
+    assert outcome == SOLVED
+    plans, in_turn = early_plans(graph, moves, GAP, effort=500)
+    assert plans.arrival.sum() < in_turn
