@@ -59,7 +59,7 @@ _SILENCE: Final = REPORT_TIMEOUT / SECOND
 _MISSED_S: Final = 5.0
 """A robot of a fleet that drives, of which nothing was heard for so long [s], is missed."""
 
-_CARRIED_S: Final = 60.0
+CARRIED_S: Final = 60.0
 """Who takes out a robot that is heard has so long to switch it off and carry it away."""
 
 _APART: Final = 0.2
@@ -370,7 +370,7 @@ class KnownFleet:
         if is_news and state.state == ORDER_DONE and state.id == f"{LEAVE}{state.robot}":
             heard = self._robots.pop(state.robot, None)
             is_heard = heard is not None and self._hears(state.robot, heard, now)
-            self._outside[state.robot] = (now + _CARRIED_S if is_heard else -math.inf, -math.inf)
+            self._outside[state.robot] = (now + CARRIED_S if is_heard else -math.inf, -math.inf)
             self.plans.pop(state.robot, None)
             self.joined.pop(state.robot, None)
             self.alarms.forget(state.robot)

@@ -203,6 +203,7 @@ class Fleet(OperatedFleet):
         answer = self._door.hear(robot, hello, begun, now_ns)
         if answer is None or isinstance(answer, Outgoing):
             return [answer] if answer else []
+        self.outside_ns.pop(robot, None)
         return self._send_plan(answer, now_ns)
 
     def _hear_admit(self, robot: str, admit: Admit, now_ns: int) -> list[Outgoing]:
@@ -262,7 +263,7 @@ class Fleet(OperatedFleet):
         return []
 
     def _hear_outsider(self, robot: str, now_ns: int) -> list[Outgoing]:
-        """Note that a robot is heard that was taken out unheard; it gets no answer."""
+        """Note that a robot is heard that was taken out; it gets no answer."""
         if robot in self.outside_ns:
             self.outside_ns[robot] = now_ns
         return []

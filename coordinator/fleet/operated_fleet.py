@@ -123,7 +123,6 @@ class OperatedFleet(FleetState):
                 self.orders.end(task, REFUSED, f"{join.robot} {why}")
             else:
                 self.orders.tasks.pop(f"{LEAVE}{join.robot}", None)  # Nothing may say so again.
-                self.outside_ns.pop(join.robot, None)
                 task.joins = robot
                 self.members[join.robot] = Member(
                     id=join.robot,
@@ -171,7 +170,7 @@ class OperatedFleet(FleetState):
                 why = ""
                 if member.is_silent(now_ns) and not member.has_come_back(now_ns):
                     why = f"{leave.robot} was not heard: others drive where it may still stand"
-                    self.outside_ns[leave.robot] = 0
+                self.outside_ns[leave.robot] = 0
                 self.orders.end(task, ORDER_DONE, why)
                 self._take_out(leave.robot, now_ns, leave)
         return [self._order_state(task.message()), *self.order_states()]

@@ -120,7 +120,7 @@ class FleetState:
         """The places that operators have closed."""
 
         self.outside_ns: dict[str, int] = {}
-        """Robots that were taken out unheard: when each was heard since [ns], 0 if it was not."""
+        """Robots that were taken out: when each was heard since [ns], 0 if it was not."""
 
         self.go_on_ns: dict[int, int] = {}
         """By boot id of operators' programs: when each said last that the fleet goes on."""

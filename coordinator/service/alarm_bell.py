@@ -11,8 +11,11 @@ from typing import Final
 
 from coordinator.desk.alarms import Alarms
 from coordinator.desk.answers import Alarm, RobotState
+from coordinator.desk.known_fleet import CARRIED_S
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.member import Member, place_of
+from coordinator.fleet.orders import LEAVE
+from protocol.messages import ORDER_DONE, OrderState
 from protocol.phases import IDLE, NO_FAULT, OVER, PHASE_NAMES, fault_name
 from protocol.timing import REPORT_TIMEOUT, SECOND
 
@@ -32,6 +35,9 @@ class AlarmBell:
         self._seen: dict[str, Alarm] = {}
         self._rung: dict[str, Alarm] = {}
         self._told = told
+        self._carried_ns: dict[str, int] = {}
+        """By robot that was taken out: from when on it may not be heard."""
+
         self._due_ns = 0
 
     def news(self, fleet: Fleet, now_ns: int, day_s: float) -> Iterator[tuple[Alarm, str]]:
@@ -42,6 +48,7 @@ class AlarmBell:
         for incident in fleet.incidents[self._told :]:
             if incident.order is not None:
                 self._alarms.take_order(incident.order, day_s)
+                self._take_leave(incident.order, incident.now_ns)
             elif incident.kind == "admitted":
                 self._alarms.admitted(incident.robot)
             elif incident.kind == "log":
@@ -54,8 +61,13 @@ class AlarmBell:
         robots = [
             _state_of(fleet, one, orders.get(one.id, ""), now_ns) for one in fleet.members.values()
         ]
-        heard = fleet.outside_ns.items()
-        outside = [name for name, at_ns in heard if at_ns and now_ns - at_ns < REPORT_TIMEOUT]
+        outside = [
+            name
+            for name, at_ns in fleet.outside_ns.items()
+            if at_ns > self._carried_ns.get(name, 0)
+            and now_ns - at_ns < REPORT_TIMEOUT
+            and name not in fleet.members
+        ]
         self._alarms.look(True, robots, day_s, outside)
         seen, self._seen = self._seen, {one.id: one for one in self._alarms.now()}
         for name, one in self._seen.items():
@@ -66,6 +78,12 @@ class AlarmBell:
         for name in self._rung.keys() - self._seen.keys():
             over = self._rung.pop(name)
             yield over, f"over: {over.text}"
+
+    def _take_leave(self, state: OrderState, now_ns: int) -> None:
+        """Take in when a robot was taken out: one that was heard then may be, for a while."""
+        if state.id == f"{LEAVE}{state.robot}" and state.state == ORDER_DONE:
+            is_heard = not state.reason
+            self._carried_ns[state.robot] = now_ns + round(CARRIED_S * SECOND) * is_heard
 
 
 def _state_of(fleet: Fleet, member: Member, order: str, now_ns: int) -> RobotState:

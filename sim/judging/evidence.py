@@ -13,7 +13,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+import numpy as np
 
 from coordinator.base.errors import InputError
 from coordinator.findings.attendance import Attendance
@@ -27,7 +29,7 @@ from coordinator.plan.plan_file import from_json, plan_name, read
 from protocol import keys
 from protocol.codec import decode
 from protocol.messages import Command, Message, Plan, Report
-from protocol.phases import GO
+from protocol.phases import GO, MOVING, PHASE_NAMES
 from protocol.timing import SECOND
 from sim.judging.blackbox import BlackBox, read_blackbox
 
@@ -60,6 +62,10 @@ class Stay(NamedTuple):
     radius: float
     since: float = -math.inf
     until: float = math.inf
+
+
+_STOPPED: Final = 5.0
+"""So long [s] after its coordinator's last word every robot has stopped."""
 
 
 class Evidence(NamedTuple):
@@ -139,8 +145,23 @@ def gather(source: Path) -> Evidence:
         told.take(message, record, "" if place is None else place[2])
     stays = _stays(document, present, told)
     boxes = _boxes(source, document, present.stays, told)
-    remarks = logs[-1].remarks if logs else []
+    remarks = [*logs[-1].remarks, *_driven_later(logs[-1], told, boxes)] if logs else []
     return Evidence(document, _later(told), boxes, _courses(told), stays, remarks)
+
+
+def _driven_later(log: Log, told: _Told, boxes: Mapping[str, BlackBox]) -> list[str]:
+    """Return a remark if robots drove on long after a log's end: by a log that resumes it."""
+    if not (log.records and told.starts):
+        return []
+    end = (log.records[-1].log_ns - min(told.starts.values())) / SECOND
+    later = [
+        name
+        for name, box in boxes.items()
+        if (np.array(box.phases)[box.t > end + _STOPPED] == PHASE_NAMES[MOVING]).any()
+    ]
+    names = ", ".join(sorted(later))
+    what = "drove on later: judge the log that resumes this one"
+    return [f"the log ends at {end:.1f} s, and {names} {what}"] if later else []
 
 
 def _stays(document: PlanDocument, present: Attendance, told: _Told) -> dict[str, list[Stay]]:

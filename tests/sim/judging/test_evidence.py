@@ -85,6 +85,15 @@ def test_a_folder_is_judged_by_the_log_that_resumes_the_other_whatever_their_nam
     assert found.remarks == ["not part of the log: export.mcap"]
 
 
+def test_that_robots_drove_on_after_a_logs_end_is_told(tmp_path, plans):
+    log = write_log(tmp_path / "run.mcap", plans, (1,))
+    write_boxes(tmp_path)
+    rows = "".join(f"{t},1.0,{1.0 + 0.1 * t},0,{0.1 * t},moving\n" for t in range(8))
+    (tmp_path / "R2.csv").write_text(HEADER + rows)
+    drove = "and R2 drove on later: judge the log that resumes this one"
+    assert gather(log).remarks == [f"the log ends at -2.0 s, {drove}"]
+
+
 def test_a_plan_file_beside_what_is_no_log_is_enough(tmp_path, plans):
     (tmp_path / "plan.json").write_bytes(to_json(plans[1]))
     (tmp_path / "export.mcap").write_bytes(b"not a log")

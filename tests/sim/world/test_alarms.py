@@ -95,10 +95,12 @@ def test_a_robot_that_was_taken_out_unheard_calls_a_person_until_it_joins_again(
     assert rung(bell, world, 1.0) == [f"over: {left}"]
 
 
-def test_a_robot_that_was_heard_when_it_was_taken_out_calls_nobody():
+def test_a_robot_that_was_heard_when_it_was_taken_out_calls_a_person_after_a_minute():
     world, bell = a_world(queue_of_two(), stays=True), AlarmBell()
     assert rung(bell, world, 60.0) == []
     operator(world)(Leave(9, "R2"))
     assert rung(bell, world, 5.0) == []
     assert set(world.fleet.members) == {"R1", "R3"}
     assert world.fleet.orders.tasks["leave-R2"].reason == ""
+    assert rung(bell, world, 50.0) == []
+    assert rung(bell, world, 8.0) == ["R2 was taken out, but is heard: it may be on the floor"]
