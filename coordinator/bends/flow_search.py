@@ -12,14 +12,15 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
 
 from coordinator.base.bounds import bounds_of
-from coordinator.bends.courses import Course, CourseMaker, Road, TrackOf, may_bend
+from coordinator.bends.courses import Course, CourseMaker, TrackOf, may_bend
 from coordinator.bends.meshes import NARROW, WIDE, Ends, Meshes
+from coordinator.bends.roundabout import AreApart, Roundabout, keeping_to
 from coordinator.bends.same_side import Mover, same_side
 from coordinator.bends.traffic_kernels import (
     Traffic,
@@ -31,7 +32,6 @@ from coordinator.bends.traffic_kernels import (
 from coordinator.bends.way_kernels import Trip
 from coordinator.bends.ways import PADS, way_among
 from coordinator.curves.nurbs import Array, Nurbs
-from coordinator.motion.velocity_profile import Motion
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.scenario.model import Robot
 from coordinator.schedule.track import Track
@@ -63,20 +63,10 @@ one finds none, it mostly is not the only one."""
 _JAM: Final = 0.2
 """If robots lose more than this share of the time that they take alone, all keep to one side."""
 
-_PARTS: Final = 8
-_HALVINGS: Final = 10
-_LEAST_ROOM: Final = 0.05
-"""Robots that keep to the same side have a pace of their own on so many parts of their ways, as
-their room [m] is there; it is found by so many halvings."""
-
 _SAME: Final = 1e-6
 
 _MISSING: Final = 100.0
 """What a robot without a motion counts as delay [s]."""
-
-
-AreApart = Callable[[Sequence[Track]], Callable[[Sequence[Motion]], bool]]
-"""Returns for tracks whether nobody meets anybody on them by motions, on exact conflict zones."""
 
 
 class FlowSearch:
@@ -237,7 +227,20 @@ class FlowSearch:
         was = sum(map(self._delay, range(len(self.robots))))
         if was < _JAM * sum(self.alone) or not all(map(may_bend, self.robots)):
             return
-        movers = [
+        need, tau = self.margin + PADS[0][1], self.tau + PADS[0][0]
+        spaces, gather = self._meshes[-1].spaces, self._traffic_of
+        best = self._cost(self._arrivals())
+        for turning in same_side(self._movers(), keeping_to(spaces), gather, need, tau):
+            way_round = Roundabout(self.robots, self._maker, spaces, self.margin, turning)
+            if not way_round.roads or self._cost(way_round.least_arrivals()) >= best:
+                continue
+            courses = way_round.courses(self._are_apart)
+            cost = self._cost([course.motion.finish for course in courses])
+            if courses and cost < best and (self._are_apart is not None or self._is_clear(courses)):
+                best, self.courses, self._traffic = cost, list(courses), None
+
+    def _movers(self) -> list[Mover]:
+        return [
             Mover(
                 np.array(robot.start[:2]),
                 np.array(robot.goal[:2]),
@@ -247,58 +250,10 @@ class FlowSearch:
             )
             for index, robot in enumerate(self.robots)
         ]
-        spaces = self._meshes[-1].spaces
-        need, tau = self.margin + PADS[0][1], self.tau + PADS[0][0]
-
-        def keeps(index: int, way: Array) -> bool:
-            return bool(spaces[index].keeping(way[:-1], way[1:]).all())
-
-        best = self._cost(self._arrivals())
-        for turning in same_side(movers, keeps, self._traffic_of, need, tau):
-            found = [
-                self._maker.road(index, spaces[index], way)
-                for index, way in enumerate(turning.arcs)
-            ]
-            roads = [road for road in found if road is not None]
-            if len(roads) < len(found) or self._cost(turning.least_arrivals(movers)) >= best:
-                continue
-            courses = self._quickest(roads, turning.pace)
-            cost = self._cost([course.motion.finish for course in courses])
-            if cost < best and (self._are_apart is not None or self._is_clear(courses)):
-                best, self.courses, self._traffic = cost, list(courses), None
-
-    def _quickest(self, roads: Sequence[Road], pace: float) -> list[Course]:
-        """Return courses at a pace [m/s] at which nobody meets anybody, or at quicker ones.
-
-        Quicker ones differ along the roads as the room between robots does.
-        """
-        if self._are_apart is None:
-            return self._paced(roads, np.array([pace]))
-        middles = np.linspace(0.0, 1.0, 2 * _PARTS + 1)[1::2]
-        places = np.array([road.path.at_arc(middles * road.path.length) for road in roads])
-        near = np.hypot(*np.moveaxis(places[:, None] - places[None], -1, 0))
-        near[np.diag_indices(len(roads))] = math.inf
-        need = 2.0 * max(robot.radius for robot in self.robots) + self.margin
-        room = np.maximum(near.min(axis=(0, 1)) - need, _LEAST_ROOM)
-        top = max(map(self._maker.speed, range(len(roads))))
-        are_apart = self._are_apart([road.track for road in roads])
-        low, high = pace / room.max(), top / room.min()
-        found = self._paced(roads, low * room)
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            courses = self._paced(roads, middle * room)
-            if are_apart([course.motion for course in courses]):
-                low, found = middle, courses
-            else:
-                high = middle
-        return found
-
-    def _paced(self, roads: Sequence[Road], paces: Array) -> list[Course]:
-        return [self._maker.paced(index, road, paces) for index, road in enumerate(roads)]
 
     def _cost(self, arrivals: Sequence[float]) -> float:
         """Return what plans are compared by: the sum of arrivals [s], and the last one's share."""
-        return sum(arrivals) + self._last * len(arrivals) * max(arrivals)
+        return sum(arrivals) + self._last * len(arrivals) * max(arrivals, default=0.0)
 
     def _arrivals(self) -> list[float]:
         return [alone + self._delay(index) for index, alone in enumerate(self.alone)]

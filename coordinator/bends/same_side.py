@@ -50,10 +50,6 @@ class Turning(NamedTuple):
     pace: float
     arrivals: float
 
-    def least_arrivals(self, movers: Sequence[Mover]) -> list[float]:
-        """Return when robots would arrive [s] if they had the arcs for themselves."""
-        return [_length(way) / one.speed for one, way in zip(movers, self.arcs, strict=True)]
-
 
 def same_side(
     movers: Sequence[Mover],
