@@ -182,11 +182,18 @@ def test_a_robot_that_rests_before_the_only_way_which_a_dead_one_closed_is_close
     assert outcome.excused == {"R2": "closed in", "R4": "killed"}
 
 
-def test_a_robot_that_made_room_while_its_goal_was_closed_is_closed_in():
+def test_a_robot_that_made_room_while_its_goal_was_closed_is_closed_in(five):
     """A dead robot may stand too near to the goal of R1, which is at the place it gave way to."""
-    outcome = run_seed(floor(floor_of(41053)), 41053)
-    assert outcome.violations == ()
-    assert outcome.excused["R1"] == "closed in"
+    scenario, document = plan_for(five, GOOD, None)
+    world = make_world(scenario, document, 1, [])
+    world.run(120.0)
+    assert world.fleet.phase == OVER
+    x, y = document.robots[0].path.control_points[-1]
+    around = world.mission.dispatcher.obstructions._around
+    around["R2"] = tuple((x + u, y + v) for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
+    assert excused(world, document, world.now_ns) == {}
+    world.robots["R1"].body.place(*document.robots[0].path.control_points[0], 0.0)
+    assert excused(world, document, world.now_ns) == {"R1": "closed in"}
 
 
 def test_robots_that_could_drive_excuse_nobody_whose_way_they_close(five):

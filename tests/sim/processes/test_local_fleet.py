@@ -81,7 +81,8 @@ def test_a_run_whose_coordinator_was_killed_tells_how_to_go_on(tmp_path, capsys)
     reach = f"R2 --connect={fleet.endpoint} --fleet=paper-five"
     assert where.endswith(
         f"R2 stands at (1.23, -2.50): "
-        f"`splinefleet agent {reach} --speed=2.0 --at 1.235 -2.500 -0.500`, "
+        f"`splinefleet agent {reach} --speed=2.0 --blackbox={tmp_path}/blackbox/R2.csv "
+        f"--at 1.235 -2.500 -0.500`, "
         f"then `splinefleet admit {reach}`"
     )
     assert f"`splinefleet coordinator {tmp_path}/scenario.json --listen=tcp/127.0.0.1:" in how
