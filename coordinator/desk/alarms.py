@@ -12,6 +12,7 @@ from typing import Final
 import msgspec
 
 from coordinator.desk.answers import Alarm, RobotState
+from coordinator.fleet.orders import JOIN
 from coordinator.scenario.order_checks import OWN
 from protocol.messages import REFUSED, WAITING, OrderState
 from protocol.phases import IDLE, PHASE_NAMES
@@ -83,7 +84,8 @@ class Alarms:
             self._waits[state.id] = (state, since)
             return
         self._waits.pop(state.id, None)
-        if state.state == REFUSED and not state.id.startswith(OWN):
+        is_asked = state.id.startswith(JOIN) or not state.id.startswith(OWN)
+        if state.state == REFUSED and is_asked:
             self._refuse(state, now)
 
     def refusal_told(self, order: str) -> None:
@@ -93,6 +95,9 @@ class Alarms:
     def _refuse(self, state: OrderState, now: float) -> None:
         text = f"{_named(state)} is refused: {state.reason}"
         todo = "Give another goal, or another robot."
+        if state.id.startswith(JOIN):
+            text = f"{state.id.removeprefix(JOIN)} does not join: {state.reason}"
+            todo = "Join it at another place, or when others are out of its way."
         name = _refusal(state.id)
         self._now[name] = Alarm(
             id=name,

@@ -158,7 +158,7 @@ class Commands:
         Nothing on the wire answers it before that, so it is said several times.  A fleet that rests
         ends at once, and the desk with it.
         """
-        asked, heard = Tell(self._line.boot, END, self._by(by)), count(1)
+        asked, heard = Tell(_word(), END, self._by(by)), count(1)
 
         def often(message: Message) -> int | None:
             if not isinstance(message, Command):
@@ -174,7 +174,7 @@ class Commands:
 
         The answer says so if it has no course yet: others may have to get out of its way first.
         """
-        asked = Admit(self._line.boot, self._by(by))
+        asked = Admit(_word(), self._by(by))
         asking = Asking(_name(robot, "robot"), asked.boot)
         if self._line.known.command is not None:
             asking.hear(self._line.known.command)
@@ -197,6 +197,9 @@ class Commands:
     async def join(self, robot: str, body: JoinBody, by: str) -> Told:
         """Take a robot into the fleet; its program may start later."""
         message = body.message(self._line.boot, _name(robot, "robot"), self._by(by))
+        known = self._line.known.orders.get(f"{JOIN}{robot}")
+        if known is not None and known.state in (REFUSED, CANCELLED):
+            self._joins.pop(robot, None)
         before = self._joins.get(robot)
         if before is not None and astuple(message)[1:-1] != astuple(before)[1:-1]:
             x, y, heading = before.place
@@ -207,6 +210,7 @@ class Commands:
             )
         state = await self._asked_order(message, f"{JOIN}{robot}")
         if state.state in (REFUSED, CANCELLED):
+            self._line.known.alarms.refusal_told(state.id)
             raise Refused(409, state.reason)
         self._joins[robot] = message
         joined = state.state == ORDER_DONE
@@ -278,7 +282,7 @@ class Commands:
                 return None
             return message.phase
 
-        asked = Tell(self._line.boot, what, self._by(by))
+        asked = Tell(_word(), what, self._by(by))
         phase = await self._line.ask(keys.tell, asked, turned, PATIENCE_S)
         command = self._line.known.command
         if phase is None and command is not None and self._line.is_heard():
@@ -323,6 +327,11 @@ def _state_of(
     if not isinstance(message, OrderState) or message.id != name:
         return None
     return message if within is None or message.state in within else None
+
+
+def _word() -> int:
+    """Return a boot id of its own for one word of a person: who says it again means it anew."""
+    return int.from_bytes(os.urandom(4), "little")
 
 
 def _name(text: str, what: str) -> str:

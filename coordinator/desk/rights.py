@@ -50,7 +50,8 @@ def is_foreign(headers: Mapping[str, str], *, is_local: bool) -> bool:
     that resolves to this machine shows in the Host.
     """
     host = headers.get("host", "")
-    name, _, _ = host.rpartition(":")
+    has_port = ":" in host and not host.endswith("]")  # Port 80 is left out.
+    name = host.rpartition(":")[0] if has_port else host
     if is_local and not Endpoint("tcp", name.strip("[]"), 0).is_loopback:
         return True
     origin = headers.get("origin")

@@ -48,8 +48,8 @@ _LOOK_S: Final = 0.01
 
 _MOST_CONNECTIONS: Final = 500
 _MOST_KEPT: Final = 400
-"""With more connections than this, the oldest one that has no whole request ends for a new one: a
-STOP gets in while others hold requests that they never finish."""
+"""With more connections than this, the oldest one ends for a new one, first those without a whole
+request: a STOP gets in while others hold requests that they never finish, or event streams."""
 
 _QUIET: Final = ("asyncio", "uvicorn.error")
 """They warn of every browser that has left, and of every request that is no HTTP."""
@@ -242,8 +242,8 @@ class _Connection(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         kept = [one for one in self._all() if not one.transport.is_closing()]
         unfinished = [one for one in kept if one.conn.their_state in (h11.IDLE, h11.SEND_BODY)]
-        if len(kept) >= _MOST_KEPT and unfinished:
-            min(unfinished, key=lambda one: one.since).transport.abort()
+        if len(kept) >= _MOST_KEPT:
+            min(unfinished or kept, key=lambda one: one.since).transport.abort()
         self.since = self.loop.time()
         super().connection_made(transport)
         tls = transport.get_extra_info("ssl_object")

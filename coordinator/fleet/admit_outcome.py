@@ -50,7 +50,7 @@ class Asking:
                 self.waits_for = message.reason
             elif message.boot == self._boot:
                 self.answer = message.reason
-        elif isinstance(message, Plan):
+        elif isinstance(message, Plan) and message.robot == self._robot:
             self._epoch = max(self._epoch, message.epoch)
             is_new = message.revision > 0 and message.begin_ms >= self._asked_ms
             if self._asked and is_new:

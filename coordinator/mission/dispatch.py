@@ -156,7 +156,7 @@ class Dispatcher:
             return []
         self.obstructions.look(now_ns, now_ms)
         self._refuse_if_stuck(now_ns)
-        self._refuse_closed()
+        self._refuse_closed(now_ms)
         idle = self._free.idle(now_ns)
         asked = self.searches.orders()
         state = (self.searches.commits, tuple(idle))
@@ -226,17 +226,30 @@ class Dispatcher:
             can_change = drives and not mine.is_changing(member.holds)
         return can_change and not is_asked and member.is_heard(now_ns)
 
-    def _refuse_closed(self) -> None:
-        """Refuse orders that are new and lead to, or through, a place that is closed."""
+    def _refuse_closed(self, now_ms: int) -> None:
+        """Refuse orders that are new and lead to, or through, a place that is closed.
+
+        When a place is closed, those under way to it are refused, too.
+        """
         book, blocks = self._fleet.orders, self._fleet.blocks
-        for task in book.waiting() if blocks else ():
-            if task.reason or task.joins is not None or task.order.id.startswith(OWN):
+        new = [one for one in book.waiting() if not one.reason] if blocks else []
+        going: list[Task] = []
+        if blocks and self.obstructions.has_closed:
+            set_out = [one for one in book.waiting() if one.is_urgent and one.revision > 0]
+            going = [*book.under_way(), *set_out]  # Some are to go around the place already.
+        for task in (*new, *going):
+            if task.joins is not None or task.arrived_ms is not None:
                 continue
-            robots = [task.order.robot] if task.order.robot else self._fleet.members
-            radii = [self.robots[name].radius for name in robots if name in self.robots]
-            for place in (task.order.goal, *task.order.via):
+            if task.order.id.startswith(OWN):
+                continue
+            robot = task.robot if task in going else ""
+            names = [one for one in (robot, task.order.robot) if one] or list(self._fleet.members)
+            radii = [self.robots[name].radius for name in names if name in self.robots]
+            for place in (task.order.goal, *(() if robot else task.order.via)):
                 if why := self.obstructions.closed_at(place[:2], min(radii, default=0.0)):
                     book.end(task, REFUSED, why)
+                    if robot:
+                        book.leave(task, robot, now_ms)
                     break
 
     def commit(self, request: CourseRequest, answer: Answer, now_ns: int) -> Robot | None:

@@ -101,6 +101,9 @@ class Obstructions:
         self._told: dict[tuple[str, int], set[str]] = {}
         """By robot and revision: the closed places for which the robot was dealt with."""
 
+        self.has_closed = False
+        """Whether operators have closed a place since the look before the last one."""
+
         self._sites: dict[tuple[tuple[str, Ring], ...], Site] = {}
         self._left_out: set[tuple[str, Point]] = set()
         """By robot: the places that people were told it does not pass."""
@@ -430,6 +433,7 @@ class Obstructions:
             fleet.orders.offer_again()
             for member in fleet.members.planned:
                 fleet.grants.ends.limit(member.id, EVER)
+        self.has_closed = bool({name for name, _ in closed.items() - self._closed.items()})
         for name in sorted((closed.keys() - self._closed.keys()) & fleet.blocks.keys()):
             if self.site is not None and not self.site.is_on_floor(closed[name]):
                 text = f"{name} lies off the floor: nobody drives there anyway"

@@ -44,6 +44,10 @@ class GivenPath(msgspec.Struct, frozen=True, kw_only=True):
     rounding: float = 0.0
 
 
+HERE: Final = 1e-6
+"""Places nearer to each other than this [m] are one: no path leads from one to the other."""
+
+
 class Robot(msgspec.Struct, frozen=True, kw_only=True):
     """One robot: lengths [m], speeds [m/s], accelerations [m/s^2], headings [rad].
 
@@ -72,7 +76,10 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def is_idle(self) -> bool:
         """Whether the robot stays at its start until it gets an order."""
-        return self.path is None and not self.via and self.goal[:2] == self.start[:2]
+        places = (*self.via, self.goal)
+        return self.path is None and all(
+            math.dist(one[:2], self.start[:2]) < HERE for one in places
+        )
 
     @property
     def end_fields(self) -> tuple[str, str]:

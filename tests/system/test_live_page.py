@@ -73,8 +73,8 @@ def test_robots_are_shown_at_rest_when_the_coordinator_or_the_view_is_silent(tab
         tab.wait(f"{WORD}.startsWith('no word from the coordinator since') && {AT_REST}")
         assert tab.errors == []
         view.send_signal(signal.SIGINT)
-        tab.wait(f"{WORD}.startsWith('splinefleet view has ended, no word since')")
-        assert "splinefleet view has ended, no word" in tab.run(EVENTS)
+        tab.wait(f"{WORD}.startsWith('the desk has ended, no word since')")
+        assert "the desk has ended, no word" in tab.run(EVENTS)
         assert (tab.run(LAMP), tab.run(AT_REST)) == ("false", True)
 
 

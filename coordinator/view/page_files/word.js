@@ -94,7 +94,7 @@ class Word {
       known ? this.timeAt(last.heard - 1000 * last.age) : null;
     const [lamp, why] = {
       over: ["over", ""],
-      gone: ["no word", "splinefleet view has ended, no word"],
+      gone: ["no word", "the desk has ended, no word"],
       silent: ["no word", "no word from the coordinator"],
     }[kind];
     const ended = known ? this.time() : null;

@@ -22,7 +22,7 @@ from coordinator.desk.rights import Right, is_foreign, party_of
 from coordinator.desk.web import Desk, page_app, served
 from coordinator.view.live_course import LiveCourse
 from protocol import keys
-from protocol.messages import END, GO_ON, HALT, Admit, Cancel, Order, Tell
+from protocol.messages import END, GO_ON, HALT, REFUSED, Admit, Cancel, Order, OrderState, Tell
 from tests.coordinator.desk.fake_fleet import FLEET, FakeFleet, a_report
 
 JSON = {"Content-Type": "application/json"}
@@ -98,6 +98,27 @@ def test_a_refusal_that_is_told_to_who_gave_the_order_calls_nobody_else(desk):
     assert ask(address, "api/orders", "POST", body)[0] == 409
     assert ask(address, "api/orders/far")[1]["state"] == "refused"
     assert "refused-far" not in [one["id"] for one in ask(address, "api/fleet")[1]["alarms"]]
+
+
+def test_each_press_of_a_person_is_a_word_of_its_own(desk):
+    fleet, address = desk
+    for path in ("api/freeze", "api/resume", "api/freeze", "api/resume"):
+        assert ask(address, path, "POST")[0] == 200
+    for _ in range(2):
+        ask(address, "api/robots/R1/admit", "POST")
+    for kind, count in ((Tell, 4), (Admit, 2)):
+        assert len({one.boot for one in fleet.said if isinstance(one, kind)}) == count
+
+
+def test_a_robot_whose_join_was_refused_later_may_join_elsewhere_and_a_person_is_told(desk):
+    fleet, address = desk
+    body = {"at": [1.0, 2.0, 0.0]}
+    assert ask(address, "api/robots/R4/join", "POST", body)[0] == 202
+    refused = OrderState("join-R4", REFUSED, "R4", released_ms=5, reason="R1 rests too near")
+    fleet.tell(keys.orders(FLEET, "join-R4"), refused)
+    alarms = ask(address, "api/fleet")[1]["alarms"]
+    assert "R4 does not join: R1 rests too near" in [one["text"] for one in alarms]
+    assert ask(address, "api/robots/R4/join", "POST", {"at": [5.0, 6.0, 0.0]})[0] == 202
 
 
 def test_an_admitted_robot_that_has_no_course_yet_is_told_so(monkeypatch):
@@ -289,6 +310,9 @@ def test_a_host_name_that_resolves_here_is_foreign_only_without_tls():
     assert is_foreign({"host": "hall.example:8443"}, is_local=True)
     assert not is_foreign({"host": "hall.example:8443"}, is_local=False)
     assert is_foreign({"host": "h:1", "origin": "https://h:2"}, is_local=False)
+    for here in ("127.0.0.1", "localhost", "[::1]", "[::1]:80"):
+        assert not is_foreign({"host": here, "origin": f"http://{here}"}, is_local=True)
+    assert is_foreign({"host": "hall.example"}, is_local=True)
 
 
 def read_events(address, path, count):
@@ -367,13 +391,15 @@ def test_bytes_that_are_no_http_are_answered_and_disturb_nobody(desk):
 def test_a_stop_gets_in_while_others_hold_requests_that_they_never_finish(monkeypatch):
     monkeypatch.setattr(web, "_MOST_KEPT", 20)
     monkeypatch.setattr(web, "_MOST_CONNECTIONS", 30)
-    begun = (b"", b"POST /api/resume HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\n{")
+    host = b"HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    half = b"POST /api/resume " + host + b"Content-Length: 9\r\n\r\n{"
+    begun = (b"", b"GET /api/events " + host + b"\r\n", half)
     with desk_of(FakeFleet()) as address, ExitStack() as held:
-        host, port = address.removeprefix("http://").rstrip("/").split(":")
-        for k in range(40):
-            stranger = socket.create_connection((host, int(port)), timeout=5.0)
+        place, port = address.removeprefix("http://").rstrip("/").split(":")
+        for k in range(60):
+            stranger = socket.create_connection((place, int(port)), timeout=5.0)
             held.enter_context(stranger)
-            stranger.sendall(begun[k % 2])
+            stranger.sendall(begun[k % 3])
         assert ask(address, "api/freeze", "POST")[0] == 200
 
 

@@ -75,6 +75,16 @@ def test_who_asks_is_refused_by_an_answer_to_it_alone():
     assert asking.answer == "R2 is under way"
 
 
+def test_a_further_course_of_another_robot_admits_nobody():
+    asking = Asking("R2", BOOT)
+    asking.asked()
+    further = replace(plan(1), revision=1)
+    asking.hear(replace(further, robot="R1"))
+    assert (asking.admitted, asking.answer) == (False, "")
+    asking.hear(further)
+    assert asking.admitted
+
+
 def test_who_asks_in_vain_is_told_before_the_others_go_on():
     vain = Refusal(BOOT, "R2 was waited for")
     asking = asked(command(FREEZE, 1), command(HOLD, 2), vain)

@@ -75,3 +75,13 @@ def test_a_goal_outside_of_the_floor_is_told():
     found = preview(site, fleet, "R1", (90.0, 4.0), (), at_once=False)
     assert found.reason
     assert len(found.way) == 0
+
+
+@pytest.mark.parametrize("via", [(), ((2.0, 4.0),)])
+def test_a_robot_that_is_sent_to_where_it_rests_stays(via):
+    site, fleet, courses, _ = a_fleet(CROSSED, now=60.0)
+    here = tuple(courses["R1"].goal)
+    found = preview(site, fleet, "R1", here, tuple(here for _ in via), at_once=False)
+    assert found.reason == ""
+    assert math.dist(found.way[0], found.way[-1]) < 1e-3
+    assert found.finish - found.begin < 0.2

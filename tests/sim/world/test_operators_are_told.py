@@ -3,6 +3,7 @@
 import math
 
 import pytest
+import shapely
 
 from coordinator.findings.log_proof import prove_log
 from coordinator.fleet.admit_outcome import Asking
@@ -131,6 +132,26 @@ def test_a_robot_whose_goal_is_closed_does_not_drive_there_later_without_its_ord
     x, y, _ = world.robots["R1"].body.true_pose()
     assert math.dist((x, y), (11.0, 5.0)) > 1.0
     assert states(world)["room-1"] == ORDER_DONE
+    assert_sound(world, logs)
+
+
+def test_an_order_into_a_place_that_is_closed_around_its_robot_is_refused_and_the_robot_leaves(
+    tmp_path,
+):
+    logs = RunLogs(tmp_path)
+    world = a_hall(logs=logs)
+    say = operator(world)
+    around = box(0.1, 0.1, 3.6, 1.9)
+    world.run(2.0)
+    say(Said(9, "o1", (3.0, 1.0), robot="R1"))
+    world.run(1.0)
+    say(Block(9, "wet", around))
+    world.run(40.0)
+    logs.close()
+    assert states(world)["o1"] == REFUSED
+    assert reasons(world)["o1"].endswith("is inside the closed place wet")
+    place = shapely.Point(world.robots["R1"].body.true_pose()[:2])
+    assert shapely.distance(shapely.Polygon(around), place) > 0.2
     assert_sound(world, logs)
 
 
