@@ -110,8 +110,10 @@ class Alarms:
         )
 
     def forget(self, robot: str) -> None:
-        """Forget what is about a robot."""
-        self._now = {name: one for name, one in self._now.items() if one.robot != robot}
+        """Forget what is about a robot, but for its orders."""
+        about = [name for name, one in self._now.items() if one.robot == robot and not one.order]
+        for name in about:
+            del self._now[name]
         self._losses.pop(robot, None)
 
     def admitted(self, robot: str) -> None:

@@ -102,8 +102,7 @@ class Commands:
 
     async def give_order(self, body: OrderBody, by: str) -> OrderSummary:
         """Give an order and return what has become of it so far."""
-        if body.now and not body.robot:
-            raise Refused(400, "now: takes a robot, which leaves what it does")
+        _check_now(body)
         given = body.message(self._line.boot, f"order-{os.urandom(4).hex()}", self._by(by))
 
         def settled(message: Message) -> OrderState | None:
@@ -123,6 +122,7 @@ class Commands:
 
     async def preview(self, body: OrderBody) -> PreviewAnswer:
         """Return what an order would come to if it were given now."""
+        _check_now(body)
         if not self.previews.are_possible:
             raise Refused(409, "the floor is not known to this desk: give it the plan")
         try:
@@ -327,6 +327,11 @@ def _state_of(
     if not isinstance(message, OrderState) or message.id != name:
         return None
     return message if within is None or message.state in within else None
+
+
+def _check_now(body: OrderBody) -> None:
+    if body.now and not body.robot:
+        raise Refused(400, "now: takes a robot, which leaves what it does")
 
 
 def _word() -> int:

@@ -56,6 +56,9 @@ from protocol.timing import LATE_STEP_MS, REPORT_TIMEOUT, SECOND
 _SILENCE: Final = REPORT_TIMEOUT / SECOND
 """Who has said nothing for so long [s] is not heard; robots on the coordinator's clock, too."""
 
+_CATCHES_UP_S: Final = 3.0
+"""For so long [s] after its beginning it hears of orders that were refused before it."""
+
 _MISSED_S: Final = 5.0
 """A robot of a fleet that drives, of which nothing was heard for so long [s], is missed."""
 
@@ -117,6 +120,9 @@ class KnownFleet:
         self.joined: dict[str, Join] = {}
         """What was said of robots that have joined."""
 
+        self._since = math.inf
+        """When [s] the first message was heard."""
+
         self._places: dict[str, tuple[float, float, float] | None] = {}
         """By robot: where its program said that it stands, x, y [m] and heading [rad]."""
 
@@ -148,6 +154,7 @@ class KnownFleet:
             self.heard["bad"] += 1
             return None
         self.fleet = place[0]
+        self._since = min(self._since, now)
         self.heard[kind] += 1
         self._take(message, kind, name, now)
         return message
@@ -365,7 +372,9 @@ class KnownFleet:
         if before == state:
             return
         self.order_changes += 1
-        self.alarms.take_order(state, now + self._wall_s)
+        is_old = before is None and now - self._since < _CATCHES_UP_S
+        if not (is_old and state.state == REFUSED):
+            self.alarms.take_order(state, now + self._wall_s)
         is_news = before is None or before.state != state.state
         if is_news and state.state == ORDER_DONE and state.id == f"{LEAVE}{state.robot}":
             heard = self._robots.pop(state.robot, None)

@@ -60,15 +60,17 @@ def _operation(one: Endpoint, answer: Schema, body: Schema, problem: Schema) -> 
                 "description": HTTPStatus(one.status).phrase,
                 "content": {"application/json": {"schema": answer}},
             },
-            **{
-                str(status): {"description": HTTPStatus(status).phrase, "content": content}
-                for status in sorted({*statuses, *one.statuses})
-            },
         },
     }
     if "{name}" in one.path:
         named = {"name": "name", "in": "path", "required": True, "schema": {"type": "string"}}
         found["parameters"] = [named]
+    if one.body is not NoBody:
+        statuses += [400, 413, 415]
+    found["responses"] |= {
+        str(status): {"description": HTTPStatus(status).phrase, "content": content}
+        for status in sorted({*statuses, *one.statuses})
+    }
     if one.body is not NoBody:
         found["requestBody"] = {"required": True, "content": {"application/json": {"schema": body}}}
     return found

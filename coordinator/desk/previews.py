@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from coordinator.desk.answers import PreviewAnswer, PreviewRest
+from coordinator.desk.answers import PreviewAnswer, PreviewRest, RobotState
 from coordinator.desk.bodies import OrderBody
 from coordinator.desk.known_fleet import KnownFleet
 from coordinator.fleet.orders import robot_of
@@ -47,7 +47,8 @@ _NICE: Final = 5
 class Asked(NamedTuple):
     """What a preview is made from: robots, their newest courses, and how late they are.
 
-    lost: by robot that is not heard, the points [m] of its course where it may stand.
+    lost: by robot that is not heard, the points [m] of its course where it may stand.  kept: why
+    robots get no course now.
     """
 
     robots: dict[str, Robot]
@@ -56,6 +57,7 @@ class Asked(NamedTuple):
     late: dict[str, float]
     idle: frozenset[str]
     lost: dict[str, list[Point]]
+    kept: dict[str, str]
     closed: dict[str, tuple[Point, ...]]
     order: OrderBody
 
@@ -128,9 +130,17 @@ def asked_of(document: PlanDocument, known: KnownFleet, body: OrderBody, now: fl
         {one.id: one.late for one in states if one.late > 0.0},
         frozenset(one.id for one in states if one.is_free),
         {one.id: one.stretch for one in states if one.stretch and one.id in robots},
+        {one.id: why for one in states if (why := _what_keeps(one))},
         {closed_place(name): block.polygon for name, block in known.blocks.items()},
         body,
     )
+
+
+def _what_keeps(robot: RobotState) -> str:
+    """Return in words what a robot waits for before it gets a course; "" if nothing."""
+    if robot.is_back:
+        return "waits to be admitted"
+    return "is lost until it is heard" if robot.stretch and not robot.is_heard else ""
 
 
 _courses: dict[str, Course] = {}
@@ -168,8 +178,8 @@ def outlook(site: Site, asked: Asked) -> PreviewAnswer:
     from coordinator.planning.preview import Fleet, Preview, preview
 
     order, solid = asked.order, dict(asked.closed)
-    if order.robot in asked.lost:
-        why = f"{order.robot} is not heard; its orders wait until it is"
+    if order.robot in asked.kept:
+        why = f"{order.robot} {asked.kept[order.robot]}; its orders wait until then"
         return _answer(Preview(order.robot, np.empty((0, 2)), reason=why), asked.now, order.dwell)
     for name, points in asked.lost.items():
         stands = Aside(asked.robots[name], "lost", np.array(points), None)

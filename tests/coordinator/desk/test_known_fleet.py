@@ -137,13 +137,22 @@ def test_a_fault_calls_but_not_a_clock_that_every_robot_sets_first(phase, fault,
 
 
 def test_a_refused_order_calls_until_somebody_has_seen_it():
-    known = fleet_of(COMMAND, state("a", REFUSED, reason="no way"), state("leave-R1", REFUSED))
-    fleet_of(state("a", REFUSED, reason="no way"), known=known)
-    (alarm,) = known.answer(0.1, {}).alarms
+    known = fleet_of(COMMAND, report("R1"))
+    heard = (command_at(4.0), report("R1"), state("a", REFUSED, reason="no way"))
+    fleet_of(*heard, state("leave-R7", REFUSED), known=known, at=4.0)
+    fleet_of(state("a", REFUSED, reason="no way"), known=known, at=4.0)
+    (alarm,) = known.answer(4.1, {}).alarms
     assert (alarm.order, alarm.text) == ("a", "order a is refused: no way")
+    fleet_of(state("leave-R1", ORDER_DONE), known=known, at=4.2)
     assert known.alarms.acknowledge("refused-a")
     assert not known.alarms.acknowledge("refused-a")
-    assert known.answer(0.2, {}).alarms == []
+    assert known.answer(4.3, {}).alarms == []
+
+
+def test_an_order_that_was_refused_before_the_desk_began_calls_nobody():
+    known = fleet_of(COMMAND, state("a", REFUSED, reason="no way"))
+    assert known.answer(0.1, {}).alarms == []
+    assert [one.state for one in known.summaries()] == ["refused"]
 
 
 def test_an_order_that_never_was_is_not_listed():

@@ -57,4 +57,4 @@ def test_who_is_lost_gets_no_preview_but_the_reason(crossing):
     body = OrderBody(goal=[9.0, 4.0], robot="R2")
     found = outlook(prepared(document), asked_of(document, known, body, 2.6))
     assert (found.way, found.arrives) == ([], None)
-    assert found.reason == "R2 is not heard; its orders wait until it is"
+    assert found.reason == "R2 is lost until it is heard; its orders wait until then"
