@@ -74,6 +74,9 @@ class Task:
     rooms: int = 0
     """How often others made room for it."""
 
+    put_back: int = 0
+    """How often its robot was sent on by it and was given up on the way."""
+
     cannot: set[str] = field(default_factory=set)
     """Robots that have no way to the goal, even alone."""
 
@@ -440,6 +443,7 @@ class OrderBook:
         if task.joins is not None:
             self.end(task, ORDER_DONE)
         else:
+            task.put_back += task.state == UNDER_WAY
             task.state, task.accepted_ms = WAITING, None
             task.planned_arrival_ms = task.arrived_ms = None
             task.robot = task.order.robot

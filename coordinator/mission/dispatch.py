@@ -55,6 +55,10 @@ _LATE: Final = 4.0
 _HELD_MS: Final = 1_000
 """Others have to be held for so long before."""
 
+_OFTEN: Final = 3
+_TURN_MS: Final = 20_000
+"""Orders that were put back so often are looked at one at a time, each for so long."""
+
 _RENEW_MS: Final = 15_000
 """A robot gets its times anew, or is looked at for that, no more often than after this."""
 
@@ -165,6 +169,7 @@ class Dispatcher:
             for task in book.waiting()
             if task.order.id not in asked and self._is_due(task, state, now_ms)
         ]
+        tasks = self._in_turn(tasks, asked, now_ms)
         self._free.say_who_is_busy(idle, now_ns)
         joins = [task for task in tasks if task.joins is not None]
         tasks = [task for task in tasks if task.joins is None]
@@ -178,6 +183,24 @@ class Dispatcher:
             if task.is_urgent and self._leaves_for(task, now_ns)
         )
         return found + self._renewals(now_ns, now_ms)
+
+    def _in_turn(self, tasks: list[Task], asked: set[str], now_ms: int) -> list[Task]:
+        """Return the orders to look at: of those that were put back often, only one at a time.
+
+        Robots that are sent around each other all at once may stand in each other's way for ever.
+        """
+        book, members = self._fleet.orders, self._fleet.members
+        often = [one for one in tasks if one.put_back >= _OFTEN]
+        if not often:
+            return tasks
+        going = [one for one in book.under_way() if now_ms - (one.accepted_ms or 0) < _TURN_MS]
+        going += [book.tasks[name] for name in asked if name in book.tasks]
+        if any(one.put_back >= _OFTEN and one.arrived_ms is None for one in going):
+            turn = None
+        else:
+            able = [one for one in often if not (one.robot and members[one.robot].lost)]
+            turn = min(able, key=lambda one: one.put_back, default=None)
+        return [one for one in tasks if one.put_back < _OFTEN or one is turn]
 
     def _renewals(self, now_ns: int, now_ms: int) -> list[CourseRequest]:
         """Look for courses with new times for robots that are late for long and hold others."""

@@ -268,3 +268,10 @@ def test_the_command_answers_in_the_form_of_the_contract():
     assert answer["violations"] == []
     assert answer["latency"]["around"]["count"] == 2
     assert 5.0 < answer["latency"]["around"]["worst"] < 15.0
+
+
+def test_robots_that_are_sent_around_each_other_again_and_again_take_turns_and_arrive():
+    outcome = run_seed(floor(floor_of(53039)), 53039)
+    assert (outcome.violations, outcome.over, outcome.stuck) == ((), True, ())
+    assert outcome.excused == {"R5": "hang"}
+    assert outcome.seconds < 120.0
