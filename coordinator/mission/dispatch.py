@@ -198,7 +198,8 @@ class Dispatcher:
         if any(one.put_back >= _OFTEN and one.arrived_ms is None for one in going):
             turn = None
         else:
-            able = [one for one in often if not (one.robot and members[one.robot].lost)]
+            lost = {member.id for member in members.values() if member.lost}
+            able = [one for one in often if one.robot not in lost]
             turn = min(able, key=lambda one: one.put_back, default=None)
         return [one for one in tasks if one.put_back < _OFTEN or one is turn]
 
