@@ -182,7 +182,7 @@ class Fleet(OperatedFleet):
         self._tell_phase(now_ns, f"resumed from a log: {COMMAND_NAMES[self.phase]}")
 
     def _begin_again(self, now_ns: int) -> None:
-        """Give robots RESUME_PATIENCE to be heard again, counted from the first tick at last."""
+        """Give robots RESUME_PATIENCE, from now on, to be heard again."""
         self._patient_until_ns = now_ns + RESUME_PATIENCE
         self._excuse(self._patient_until_ns, RESUME_PATIENCE)
 
