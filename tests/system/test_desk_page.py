@@ -311,7 +311,7 @@ def test_axe_finds_nothing_on_a_desk_with_orders_and_alarms_that_keeps_anybody_o
         tab.wait(f"{STATES} === 'arrived,arrived'", 60.0)
         tab.run("splinefleet.choose(0)")
         order_to(tab, "99, 99")
-        tab.wait(f"{ALARMS}.includes('is refused')")
+        tab.wait(f"{ANSWER}.includes('off the floor') && {ORDERS}.includes('refused')")
         order_to(tab, "2, 2")
         tab.wait(f"{ORDERS}.includes('R1 arrives')")
         agents[1].send_signal(signal.SIGKILL)
