@@ -285,6 +285,7 @@ def _app(
 
     handlers = dict.fromkeys((HTTPException, ClientDisconnect, 500), problem)
     inner = Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers)
+    inner.router.redirect_slashes = False
     inner.state.is_ending = False
     if answers is not None:
         inner.add_middleware(_Counted, answers=answers)

@@ -1,6 +1,7 @@
 """The desk of a coordinator, in a process of its own.
 
-Decides: where the desk is served, with which keys, and that it ends with its coordinator.
+Decides: where the desk is served, with which keys, that it ends with its coordinator, and that one
+that is killed begins again.
 """
 
 from __future__ import annotations
@@ -8,12 +9,13 @@ from __future__ import annotations
 import datetime
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Final, NamedTuple
+from urllib.parse import urlsplit
 
 from coordinator.base.errors import InputError
 from coordinator.plan.document import PlanDocument
@@ -25,6 +27,12 @@ from protocol.key_files import KeyFiles, read_key_files
 from protocol.transport import Transport
 
 _STARTS_S: Final = 60.0
+
+_LOOK_S: Final = 0.5
+"""How often [s] it is looked whether the desk's process is there still."""
+
+_SELDOM_S: Final = 60.0
+"""A desk that does not come up is started again at intervals that double, up to this [s]."""
 
 
 class DeskPlace(NamedTuple):
@@ -63,37 +71,74 @@ def host_and_port(page: str) -> tuple[str, int]:
 
 @contextmanager
 def with_desk(
-    link: Transport, document: PlanDocument, place: DeskPlace
-) -> Iterator[tuple[TappedLink, str]]:
-    """Start the desk of a coordinator's link; yield the link to use in its place, and its address.
+    link: Transport, document: PlanDocument, place: DeskPlace, tell: Callable[[str, str], None]
+) -> Iterator[TappedLink]:
+    """Start the desk of a coordinator's link; yield the link to use in its place.
 
-    `document`: the plan with the floor and the first epoch.
+    `document`: the plan with the floor and the first epoch.  `tell` gets the page's address and a
+    line about it, at the beginning and, from another thread, whenever the desk has begun again.
 
     Raises InputError if it cannot be served there.
     """
-    context = get_context("spawn")
-    ours, theirs = context.Pipe()
-    answer, told = context.Pipe(duplex=False)
-    desk = context.Process(target=_run, args=(theirs, told, to_json(document), place))
-    desk.start()
-    theirs.close()
-    told.close()
+    plan = to_json(document)
+    first = _Process(plan, place)
+    tell(first.address, f"the page is at {first.address}")
+    tapped = TappedLink(link, first.connection, document.scenario)
+    ended = threading.Event()
+
+    def keep() -> None:
+        desk, pause = first, _LOOK_S
+        again = place._replace(port=urlsplit(first.address).port or place.port)
+        while not ended.wait(pause):
+            if desk.process.is_alive():
+                pause = _LOOK_S
+                continue
+            pause = min(2.0 * pause, _SELDOM_S)
+            with suppress(InputError):
+                desk = _Process(plan, again)
+                tapped.speak_through(desk.connection)
+                tell(desk.address, f"the page's process has ended; {desk.address} is there again")
+        desk.end()
+
+    keeper = threading.Thread(target=keep, daemon=True)
+    keeper.start()
     try:
-        heard = answer.recv() if answer.poll(_STARTS_S) else InputError(["--page: no answer"])
-    except EOFError:
-        heard = InputError(["--page: the desk has ended at its start"])
-    if isinstance(heard, InputError):
-        ours.close()
-        desk.join(1.0)
-        raise heard
-    tapped = TappedLink(link, ours, document.scenario)
-    try:
-        yield tapped, str(heard)
+        yield tapped
     finally:
+        ended.set()
         tapped.close()
-        desk.join(3.0)
-        desk.kill()
-        desk.join()
+        keeper.join()
+
+
+class _Process:
+    """A process that serves the desk at `address`, and the coordinator's end of the pipe to it.
+
+    Raises InputError if it cannot be served there.
+    """
+
+    def __init__(self, plan: bytes, place: DeskPlace) -> None:
+        context = get_context("spawn")
+        self.connection, theirs = context.Pipe()
+        answer, told = context.Pipe(duplex=False)
+        self.process = context.Process(target=_run, args=(theirs, told, plan, place))
+        self.process.start()
+        theirs.close()
+        told.close()
+        try:
+            heard = answer.recv() if answer.poll(_STARTS_S) else InputError(["--page: no answer"])
+        except EOFError:
+            heard = InputError(["--page: the desk has ended at its start"])
+        if isinstance(heard, InputError):
+            self.connection.close()
+            self.end()
+            raise heard
+        self.address = str(heard)
+
+    def end(self) -> None:
+        """Wait until it has ended by itself, as it does without its pipe; else kill it."""
+        self.process.join(3.0)
+        self.process.kill()
+        self.process.join()
 
 
 def _run(connection: Connection, told: Connection, plan: bytes, place: DeskPlace) -> None:

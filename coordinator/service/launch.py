@@ -135,10 +135,12 @@ class Coordinator:
             link = stack.enter_context(place.open(self._gate))
             transport: Transport = link
             if desk is not None:
-                served = with_desk(link, document, desk)
-                transport, address = stack.enter_context(served)
+
+                def told(address: str, text: str) -> None:
+                    self._say("page", address=address, text=text)
+
+                transport = stack.enter_context(with_desk(link, document, desk, told))
                 self._log_failed = transport.tell_log_failed
-                self._say("page", address=address, text=f"the page is at {address}")
                 if self._stays:
                     self._say("until", text=UNTIL)
             recorder = self._recorder(log, document, boot, resume, log_size)

@@ -37,15 +37,18 @@ class TappedLink(Transport):
 
     def __init__(self, inner: Transport, connection: Connection, fleet: str) -> None:
         self._inner = inner
-        self._connection = connection
         self._told = frozenset(kind(fleet) for kind in keys.TOLD)
         self._admits = keys.admit(fleet, "*").split("/")
         self._handlers: list[tuple[list[str], Handler]] = []
         self._answers: list[tuple[list[str], Answers]] = []
-        self._waiting: queue.Queue[bytes] = queue.Queue(_MOST_WAITING)
         self._is_closed = False
-        for work in (self._write, self._read):
-            threading.Thread(target=work, daemon=True).start()
+        self.speak_through(connection)
+
+    def speak_through(self, connection: Connection) -> None:
+        """Use this pipe from now on: whoever was at the other end of the last one has ended."""
+        self._waiting: queue.Queue[bytes] = queue.Queue(_MOST_WAITING)
+        threading.Thread(target=self._write, args=(connection, self._waiting), daemon=True).start()
+        threading.Thread(target=self._read, args=(connection,), daemon=True).start()
 
     def put(self, key: str, payload: bytes) -> None:
         """Send bytes to all subscribers, the other process among them."""
@@ -100,14 +103,14 @@ class TappedLink(Transport):
         with contextlib.suppress(queue.Full):
             self._waiting.put_nowait(_frame("put", key, payload, sent_ns))
 
-    def _write(self) -> None:
+    def _write(self, connection: Connection, waiting: queue.Queue[bytes]) -> None:
         with contextlib.suppress(OSError, ValueError):
             while not self._is_closed:
-                self._connection.send_bytes(self._waiting.get())
-            self._connection.send_bytes(_END)
+                connection.send_bytes(waiting.get())
+            connection.send_bytes(_END)
 
-    def _read(self) -> None:
-        for kind, key, payload, _ in _frames_of(self._connection):
+    def _read(self, connection: Connection) -> None:
+        for kind, key, payload, _ in _frames_of(connection):
             parts = key.split("/")
             if kind == "ask":
                 for expression, answers in self._answers:

@@ -103,8 +103,11 @@ def _run_before_people(
     teller: _Teller,
 ) -> bool:
     """Run a world that a desk looks at; return whether the fleet reached OVER."""
-    with with_desk(network.session(DESK), document, place) as (link, address):
-        tell_now(f"the page is at {address}")
+
+    def told(_address: str, text: str) -> None:
+        tell_now(text)
+
+    with with_desk(network.session(DESK), document, place, told) as link:
         tell_now("orders are taken until the mission is ended: press end mission on the page")
         window = DeskWindow(world, link, speed)
 

@@ -1,9 +1,11 @@
 """The desk's page in a real browser: every command is seen on the page and in the fleet."""
 
 import json
+import os
 import signal
 import time
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 
@@ -291,6 +293,47 @@ def test_who_only_looks_has_no_commands(tmp_path):
         tab.open(line_with(view, "http://").strip())
         hidden = "['command', 'give'].map(id => document.getElementById(id).hidden).join()"
         assert tab.run(hidden) == "false,false"
+
+
+def test_a_page_whose_process_is_killed_is_there_again_and_without_its_coordinator_says_so(
+    tmp_path,
+):
+    (tmp_path / "two.toml").write_text(TWO_ROBOTS)
+    endpoint = free_endpoint()
+    with ExitStack() as stack:
+        tab = stack.enter_context(browser(tmp_path / "profile"))
+        options = ("--listen", endpoint, "--page", "127.0.0.1:0", "--json", "--stay")
+        coordinator = stack.enter_context(started("coordinator", tmp_path / "two.toml", *options))
+        address = json.loads(line_with(coordinator, "http://", 60.0))["address"]
+        for robot in ("R1", "R2"):
+            stack.enter_context(started("agent", robot, "--connect", endpoint))
+        tab.open(address)
+        tab.wait(f"{STATES} === 'arrived,arrived'", 60.0)
+        tab.run("splinefleet.choose(0)")
+        order_to(tab, "2, 2")
+        tab.wait(f"{ORDERS}.includes('R1 arrives')")
+
+        os.kill(serving(coordinator), signal.SIGKILL)
+        tab.wait(f"{STATE} === 'no word: robots may be driving'")
+        assert json.loads(line_with(coordinator, "has ended"))["address"] == address
+        tab.wait(f"{STATE}.startsWith('running') && {ORDERS}.includes('was there')", 60.0)
+        tab.open(address)
+        order_to(tab, "1, 1")
+        tab.wait(f"{ANSWER}.includes('is taken for')")
+
+        coordinator.kill()
+        tab.wait(f"{STATE} === 'no word: robots may be driving'")
+
+
+def serving(coordinator):
+    """Return the id of the process that serves a coordinator's page."""
+    children = Path(f"/proc/{coordinator.pid}/task/{coordinator.pid}/children").read_text()
+    (found,) = (
+        child
+        for child in map(int, children.split())
+        if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()
+    )
+    return found
 
 
 @needs_axe

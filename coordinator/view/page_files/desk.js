@@ -27,7 +27,8 @@ class Desk {
     /** What was asked for a robot a moment ago. */
     this.pressed = new Map();
     this.form = byId("order-form");
-    this.outlook = new Outlook(byId("outlook"), () => this.order(), told.changed);
+    const isStopped = () => this.fleet?.phase === "stop";
+    this.outlook = new Outlook(byId("outlook"), () => this.order(), isStopped, told.changed);
     byId("command").hidden = byId("give").hidden = byId("end-mission").hidden = !mayCommand;
     if (!mayCommand) return;
     byId("space-does").textContent = "STOP: all robots brake at once";
@@ -89,8 +90,8 @@ class Desk {
   }
 
   /** Tell what the fleet does; `found`: its robots now, null if they are not shown. */
-  tellState(found) {
-    if (mayCommand && this.fleet) tellFleet(this.fleet.is_heard ? this.fleet.phase : "", found);
+  tellState(found, isUnheard) {
+    if (mayCommand && this.fleet) tellFleet(isUnheard || !this.fleet.is_heard ? "unheard" : this.fleet.phase, found);
   }
 
   /** Robots off their paths: no proof speaks of them. */

@@ -4,6 +4,7 @@
 const FLEET = {
   hold: ["ready, not started", "ready"], go: ["running", "runs"], stop: ["stopped", "stopped"],
   freeze: ["frozen", "stopped"], over: ["mission over", "ready"],
+  unheard: ["no word: robots may be driving", "warns"],
 };
 
 /** [words, colour] of a fleet in a phase; `found`: its robots now, null if the page shows the past. */

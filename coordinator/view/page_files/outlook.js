@@ -19,9 +19,12 @@ function drawTarget(view, pen, place, colour) {
 }
 
 class Outlook {
-  /** `order` returns the order that is chosen, or null; `changed` is called when the floor looks otherwise. */
-  constructor(box, order, changed) {
-    Object.assign(this, { box, order, changed, found: null, asked: 0 });
+  /**
+   * `order` returns the order that is chosen, or null, `isStopped` whether the fleet is; `changed` is called
+   * when the floor looks otherwise.
+   */
+  constructor(box, order, isStopped, changed) {
+    Object.assign(this, { box, order, isStopped, changed, found: null, asked: 0 });
   }
 
   /** The order that is chosen is another one. */
@@ -51,7 +54,8 @@ class Outlook {
     const rests = waits.map((one) =>
       `${one.seconds.toFixed(1)} s${one.robot ? ` for ${one.robot}` : ""}`);
     const waiting = rests.length ? `; waits ${rests.join(", ")}` : "; nobody has to wait";
-    return `${robot} ${sets}would be there in ${arrives.toFixed(0)} s (${alone.toFixed(0)} s alone)${waiting}`;
+    const once = this.isStopped() ? "once the fleet goes on, " : "";
+    return `${once}${robot} ${sets}would be there in ${arrives.toFixed(0)} s (${alone.toFixed(0)} s alone)${waiting}`;
   }
 
   /** Draw the way, and where the robot would wait. */

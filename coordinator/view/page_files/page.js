@@ -171,7 +171,7 @@ function tell(found) {
   write(byId("day"), at === null ? "" : clockFace(at));
   events.tell(now);
   flow.look(play, now);
-  desk.tellState(following ? found : null);
+  desk.tellState(following ? found : null, isUnheard());
   const busy = orders.tell(now, found, look, all);
   robots.tell(found, play.scene.robots.map((_, index) => play.why(index, now)), busy, all);
 }

@@ -204,6 +204,7 @@ def test_all_that_is_wrong_with_an_order_is_told_at_once(desk):
         ("POST", "api/alarms/nosuch/acknowledge", None, 404),
         ("PUT", "api/freeze", None, 405),
         ("GET", "api/nosuch", None, 404),
+        ("GET", "api/orders/", None, 404),
         ("POST", "api/orders", b"{", 400),
         ("POST", "api/orders", b"[]", 400),
         ("POST", "api/orders", b"\xff\xfe", 400),
