@@ -24,10 +24,6 @@ REPORT_TIMEOUT = 1 * SECOND
 COORDINATOR_TIMEOUT = 2 * SECOND
 """A robot at rest that has not heard its coordinator for this long may obey another one."""
 
-LEAVE_TIMEOUT = 10 * SECOND
-"""A robot at its goal that has not heard its coordinator for this long may leave.  Until then one
-that resumes from a log finds it there."""
-
 CLOCK_ERROR = 10 * MILLISECOND
 """A robot sets out only when the error of its clock offset is less than this."""
 

@@ -28,7 +28,7 @@ from protocol.messages import (
 )
 from protocol.phases import BRAKING, DONE, FREEZE, FROZEN, GO, HOLD, IDLE, MOVING, PHASE_NAMES
 from protocol.plan_parts import unpack_plan
-from protocol.timing import COMMAND_PERIOD, LEAVE_TIMEOUT, MILLISECOND, SECOND
+from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 from protocol.transport import Transport
 from robot_agent.blackbox import BlackBox
 from robot_agent.core.agent import Agent
@@ -157,8 +157,6 @@ def run_robot(
         raise RefusedError(service.refusal)
     if gave_up:
         tell(f"{robot.id}: gave up, heard no coordinator for {give_up_ns / SECOND:g} s")
-    elif silent_ns > LEAVE_TIMEOUT:
-        tell(f"{robot.id}: ends at its goal, heard no coordinator for {LEAVE_TIMEOUT / SECOND:g} s")
     return 1 if gave_up else 0
 
 
@@ -212,7 +210,7 @@ class RobotService:
         agent = self.agent
         if agent.phase in _AT_REST:
             self.quiet_until_ns = agent.quiet_until(now_ns)
-        return self.refusal is None and not agent.may_leave(now_ns)
+        return self.refusal is None and not agent.finished
 
     def rest(self, now_ns: int) -> bool:
         """Take the place of `tick` for a robot whose base rests; False if `tick` has more to do.

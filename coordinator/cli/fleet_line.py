@@ -6,6 +6,7 @@ Decides: which fleet a command speaks to, and how long it listens.  Must not kno
 from __future__ import annotations
 
 import getpass
+import math
 import os
 import queue
 import time
@@ -28,6 +29,9 @@ from protocol.transport import Transport
 _PERIOD_S: Final = 0.2
 _QUIET_S: Final = 0.5
 """When no further answer has come for so long, all have."""
+
+_MISSED_S: Final = 2.0
+"""After so long without a coordinator a person is told that none is heard yet."""
 
 Connect = Annotated[
     str, typer.Option(callback=reached, help="tcp/HOST:PORT of the coordinator or router.")
@@ -94,8 +98,11 @@ class FleetLine:
 
         Ends when the patience is over; if this `lasts`, when nothing was heard for so long.
         """
-        due = 0.0
+        due, missed = 0.0, self._until - self._patience + _MISSED_S
         while (now := self._clock()) < self._until:
+            if not self.is_heard and now >= missed:
+                missed = math.inf
+                tell(f"no coordinator is heard yet; this goes on for {self._until - now:.0f} s")
             if self.fleet is not None and now >= due:
                 say(self.fleet)
                 due = now + _PERIOD_S

@@ -56,6 +56,9 @@ _STANDS: Final = {
 
 _IN_FILE: Final = ", because the file states it"
 _SETTLES_S: Final = 1.5
+
+_SAYS_STOP: Final = 4
+"""A STOP to a fleet that stands is said until so many Commands were heard: two or three times."""
 """For so long an order is waited for to be begun or refused, so that its first answer says more."""
 
 
@@ -335,8 +338,12 @@ def cancel(
 def _tell_fleet(
     what: int, wanted: tuple[int, ...], connect: str, fleet: str | None, patience: float, keys: Keys
 ) -> None:
-    """Tell the fleet something until its Commands state one of these phases."""
+    """Tell the fleet something until its Commands state one of these phases.
+
+    A fleet that has yet to set out takes a STOP without an answer: it is said several times.
+    """
     phase: int | None = None
+    heard = 0
     with fleet_line(connect, fleet, patience, keys) as line:
 
         def say(known: str) -> None:
@@ -345,8 +352,10 @@ def _tell_fleet(
         for message in line.messages(say):
             if isinstance(message, Command):
                 phase = message.phase
-                if phase in wanted:
-                    tell(f"{line.fleet}: {COMMAND_NAMES[phase]}")
+                heard += what == HALT and phase in (HOLD, FREEZE)
+                if phase in wanted or heard >= _SAYS_STOP:
+                    later = "" if phase in wanted else "; it will not set out before a resume"
+                    tell(f"{line.fleet}: {COMMAND_NAMES[phase]}{later}")
                     return
     if phase is None:
         raise line.unanswered()
@@ -362,7 +371,7 @@ def freeze(
 
     Example: splinefleet freeze --connect tcp/127.0.0.1:7447
     """
-    _tell_fleet(HALT, (STOP, FREEZE, OVER), connect, fleet, patience, keys)
+    _tell_fleet(HALT, (STOP, OVER), connect, fleet, patience, keys)
 
 
 @commands.command(rich_help_panel="Operate")

@@ -151,7 +151,7 @@ REQUIREMENTS: Final[dict[str, Requirement]] = {
         "When robots fail",
     ),
     "OVER-1": Requirement(
-        "may end with OVER, and when it is done and has heard no coordinator for 10 s",
+        "may end with OVER",
         "How it goes",
     ),
 }

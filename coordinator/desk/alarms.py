@@ -131,14 +131,17 @@ class Alarms:
         robots: Sequence[RobotState],
         now: float,
         outside: Iterable[str] = (),
+        *,
+        arms: bool = False,
     ) -> None:
         """Find out what needs a person now; while no coordinator is heard, that alone does.
 
-        `outside`: robots that were taken out, and are heard still.
+        `outside`: robots that were taken out, and are heard still.  `arms`: whether the fleet has
+        yet to set out, so that robots without a course get one by themselves.
         """
         found = [] if is_heard else [_unheard(now)]
         if is_heard:
-            found = [alarm for one in robots if (alarm := self._about(one, now)) is not None]
+            found = [alarm for one in robots if (alarm := self._about(one, now, arms)) is not None]
             idle = {one.id for one in robots if one.rests and not one.order}
             waiting = [one for one, since in self._waits.values() if now - since > _LONG]
             could = [one for one in waiting if (one.robot in idle if one.robot else idle)]
@@ -156,11 +159,12 @@ class Alarms:
             lasting[one.id] = one
         self._now = lasting
 
-    def _about(self, robot: RobotState, now: float) -> Alarm | None:
+    def _about(self, robot: RobotState, now: float, arms: bool) -> Alarm | None:
         """Return the alarm about a robot; None if it needs nobody."""
         back = f"back-{robot.id}"
         was_lost = f"lost-{robot.id}" in self._now or back in self._now
-        is_back = robot.is_back or (was_lost and robot.phase == PHASE_NAMES[IDLE])
+        is_idle = robot.phase == PHASE_NAMES[IDLE] and not arms
+        is_back = robot.is_back or (was_lost and is_idle)
         if is_back and robot.is_heard:
             text = f"{robot.id} is back{_where(robot)} and has no course"
             return Alarm(id=back, since=now, text=text, todo=_BACK, robot=robot.id)

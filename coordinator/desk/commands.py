@@ -62,6 +62,10 @@ _SAYS_END: Final = 4
 _END_AGAIN_S: Final = 0.1
 """The end is said that often, until so many Commands have been heard: about three times."""
 
+_SAYS_STOP: Final = 4
+_STANDS: Final = (phases.HOLD, phases.FREEZE)
+"""In these phases a STOP is said until so many Commands have been heard: about three times."""
+
 
 class Refused(Exception):  # noqa: N818 - it is an outcome
     """A request that is not done: an HTTP status, and why."""
@@ -146,7 +150,7 @@ class Commands:
 
     async def freeze(self, by: str) -> Phase:
         """Stop the fleet at once."""
-        return await self._tell(HALT, (phases.STOP, phases.FREEZE, phases.OVER), by)
+        return await self._tell(HALT, (phases.STOP, phases.OVER), by, _STANDS)
 
     async def resume(self, by: str) -> Phase:
         """Let a fleet that was stopped go on."""
@@ -274,13 +278,20 @@ class Commands:
         if not self._line.known.alarms.acknowledge(name):
             raise Refused(404, f"there is no alarm {name}")
 
-    async def _tell(self, what: int, wanted: tuple[int, ...], by: str) -> Phase:
-        """Tell the fleet something; the answer is what its Commands state within patience."""
+    async def _tell(
+        self, what: int, wanted: tuple[int, ...], by: str, unanswered: tuple[int, ...] = ()
+    ) -> Phase:
+        """Tell the fleet something; the answer is what its Commands state within patience.
+
+        In the phases `unanswered` nothing on the wire answers it, so it is said several times.
+        """
+        heard = count(1)
 
         def turned(message: Message) -> int | None:
-            if not isinstance(message, Command) or message.phase not in wanted:
+            if not isinstance(message, Command):
                 return None
-            return message.phase
+            is_said = message.phase in unanswered and next(heard) >= _SAYS_STOP
+            return message.phase if message.phase in wanted or is_said else None
 
         asked = Tell(_word(), what, self._by(by))
         phase = await self._line.ask(keys.tell, asked, turned, PATIENCE_S)

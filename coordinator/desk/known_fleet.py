@@ -43,6 +43,7 @@ from protocol.phases import (
     COMMAND_NAMES,
     DONE,
     GO,
+    HOLD,
     IDLE,
     NO_FAULT,
     OVER,
@@ -201,7 +202,8 @@ class KnownFleet:
                 for name, (until, at) in self._outside.items()
                 if at > until and now - at < _SILENCE
             ]
-            self.alarms.look(is_heard, robots, now + self._wall_s, outside)
+            arms = command is not None and command.phase == HOLD
+            self.alarms.look(is_heard, robots, now + self._wall_s, outside, arms=arms)
         states = Counter(ORDER_STATES[one.state] for one in self.orders.values())
         return FleetAnswer(
             fleet=self.fleet or "",

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
 import shapely
 
+from coordinator.curves.nurbs import Array
 from coordinator.fleet.orders import JOIN, LEAVE, robot_of
 from coordinator.fleet.rest_places import standing_of
 from coordinator.mission.replanning_input import resting_pose, stretch
@@ -30,6 +32,7 @@ from protocol.messages import (
     ORDER_DONE,
     REFUSED,
     UNDER_WAY,
+    Command,
     Join,
     Message,
     OrderState,
@@ -37,7 +40,7 @@ from protocol.messages import (
     Report,
     Rest,
 )
-from protocol.phases import DONE, FROZEN
+from protocol.phases import DONE, FREEZE, FROZEN, IDLE
 
 _EVERYWHERE: Final = [(-1e6, -1e6), (1e6, -1e6), (1e6, 1e6), (-1e6, 1e6)]
 """The floor of a plan that does not hold one."""
@@ -62,6 +65,17 @@ class GrantedCourses(Granted):
         self._coming: set[str] = set()
         """Robots that join and have a course, which is sent to them once they are heard."""
         """By robot: the revision of the course found last, and whom others went around then."""
+
+        self.taken_out: set[str] = set()
+        """Robots that have left the fleet in this epoch."""
+
+        self._armed: set[str] = set()
+        """Robots that have said that they hold a course, and so where they are."""
+
+        self._end_of: dict[str, int] = {}
+        """By robot that is at the end of a course while the fleet is frozen: its revision."""
+
+        self._is_frozen = False
 
         self._rests: dict[str, Rest] = {}
         """By robot that has stopped: where, as it has said."""
@@ -113,6 +127,11 @@ class GrantedCourses(Granted):
         """
         if not super().take_report(robot, report):
             return False
+        if report.phase != IDLE:
+            self._armed.add(robot)
+        self._end_of.pop(robot, None)
+        if self._is_frozen and report.phase == DONE:
+            self._end_of[robot] = report.revision
         if report.phase != FROZEN:
             self._rests.pop(robot, None)
         elif report.rest is not None and report.rest.epoch == report.epoch:
@@ -124,6 +143,11 @@ class GrantedCourses(Granted):
         if ways and report.phase == DONE and report.revision == ways[0].driven.plan.revision:
             ways[0] = ways[0].arrived(report.stamp_ms)
         return True
+
+    def take_command(self, command: Command) -> None:
+        """Take in what a Command grants; a robot sets out on no course while the fleet freezes."""
+        super().take_command(command)
+        self._is_frozen = command.phase == FREEZE
 
     def take_roster(self, message: Message | None) -> None:
         """Take in that a robot is taken into the fleet, or has left it."""
@@ -149,6 +173,7 @@ class GrantedCourses(Granted):
     def _take_out(self, robot: str) -> None:
         """Take in that a robot has left the fleet; when it joins again, it may be another one."""
         self.leave(robot)
+        self.taken_out.add(robot)
         self._ways.pop(robot, None)
         self._coming.discard(robot)
         self._around.discard(robot)
@@ -192,6 +217,34 @@ class GrantedCourses(Granted):
             return shapely.linestrings([place, place])
         since, until = self.stretch_of(robot)
         return shapely.linestrings(stretch(ride, since / 1000.0, until / 1000.0))
+
+    @property
+    def document(self) -> PlanDocument:
+        """The plan of the epoch."""
+        return self._terms
+
+    def may_stand(self) -> dict[str, tuple[shapely.Geometry, float]]:
+        """Return by robot where its middle may be by the end of the epoch, and its radius [m].
+
+        Robots that never held a course of this epoch are where they were before.
+        """
+        return {
+            robot: (shapely.multipoints(np.concatenate(self._may_be(robot))), self._radius[robot])
+            for robot in self._ways.keys() & self._armed
+        }
+
+    def _may_be(self, robot: str) -> list[Array]:
+        rides = {one.driven.plan.revision: one.driven for one in self._ways[robot]}
+        rest = self._rests.get(robot)
+        if rest is not None and rest.revision in rides:
+            where = standing_of(robot, rest)
+            return [np.array([resting_pose(rides[rest.revision], where, self._terms.margin)[:2]])]
+        ended = self._end_of.get(robot)
+        return [
+            stretch(rides[revision], min(since, until) / 1000.0, until / 1000.0)
+            for revision, since, until in self.stretches(robot)
+            if revision in rides and ended in (None, revision)
+        ]
 
     def _gap(self) -> Floor:
         if self._floor is None:

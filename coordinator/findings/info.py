@@ -41,6 +41,7 @@ from coordinator.findings.traffic_numbers import (
     broadcast,
     busiest,
     clock_lag,
+    every_start,
     first_go,
     is_own,
     is_question,
@@ -106,13 +107,15 @@ def courses_of(
 ) -> dict[str, TrueCourse]:
     """Return those black boxes of a log's robots that are in these folders.
 
-    before: the logs that this one resumes from, oldest first.
+    before: the logs that this one resumes from, oldest first.  Raises InputError if a box cannot be
+    read or is of another run.
     """
     places = (keys.split(key) for key in {record.key for record in log.records})
     robots = {place[2] for place in places if place is not None and place[1] == "report"}
     lag_ns = clock_lag(log)
     go_ns = first_go([*before, log], lag_ns)
-    return courses_in(folders, sorted(robots), None if go_ns is None else go_ns - lag_ns)
+    zero_ns = None if go_ns is None else go_ns - lag_ns
+    return courses_in(folders, sorted(robots), zero_ns, every_start([*before, log]))
 
 
 class _Telling:

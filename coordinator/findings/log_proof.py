@@ -12,6 +12,7 @@ from typing import NamedTuple
 import msgspec
 
 from coordinator.findings.granted_courses import GrantedCourses
+from coordinator.findings.left_behind import LeftBehind
 from coordinator.fleet.log_records import (
     ahead_ms,
     around_robot,
@@ -24,7 +25,6 @@ from coordinator.log.records import Log, Record
 from coordinator.plan import plan_file
 from coordinator.plan.document import PlanDocument, Proof
 from coordinator.plan.wire import packed
-from coordinator.proof.granted import Granted
 from coordinator.proof.verify import prove_messages
 from coordinator.scenario.model import Scenario
 from coordinator.schedule.staircase_making import with_staircases
@@ -76,10 +76,12 @@ def prove_log(log: Log, scenario: Scenario | None = None, before: Sequence[Log] 
         proofs[document.epoch] = prove_messages(plan, scenario if first else None)
         granted[document.epoch] = GrantedCourses(plan, prove=True)
     unknown, processes = set[int](), Processes()
+    behind = LeftBehind(processes.places)
     for one in logs:
-        unknown |= take_messages(one, granted, processes)
-        for epoch in granted.values():
-            epoch.lose_sight(_said_ahead(one))  # Its last Commands may not be in it.
+        unknown |= take_messages(one, granted, processes, behind.watch)
+        number, until_ms = _said_ahead(one)
+        if (newest := granted.get(number)) is not None and newest.commands:
+            newest.lose_sight(until_ms)  # Its last Commands may not be in it.
     epochs = [
         EpochProof(number, proofs[number], found.commands, found.failures, found.courses)
         for number, found in granted.items()
@@ -94,7 +96,7 @@ def take_messages(
     log: Log,
     granted: Mapping[int, GrantedCourses],
     processes: Processes,
-    watch: Callable[[Command, Granted, int], None] = lambda _command, _granted, _now: None,
+    watch: Callable[[Command, GrantedCourses, int], None] = lambda _command, _granted, _now: None,
 ) -> set[int]:
     """Let what was granted, by epoch, take in a log's Plans, Reports and coordinator's Commands.
 
@@ -143,10 +145,19 @@ def _take_note(granted: GrantedCourses, record: Record) -> None:
         granted.take_search(found.robot, found.revision)
 
 
-def _said_ahead(log: Log) -> int:
-    """Return the plan time [ms] up to which robots may have been told to drive; 0 if none."""
-    said = [ahead_ms(one.payload) for one in log.records if is_ahead_key(one.key)]
-    return (said[-1] or 0) if said else 0
+def _said_ahead(log: Log) -> tuple[int, int]:
+    """Return a log's last epoch, and up to which plan time [ms] robots may be driving in it."""
+    boot, last, until_ms = log.metadata.get("boot", ""), 0, 0
+    for record in log.records:
+        if is_ahead_key(record.key):
+            until_ms = ahead_ms(record.payload) or 0
+            continue
+        place = keys.split(record.key)
+        said = decode(place[1], record.payload) if place and place[1] == "command" else None
+        if isinstance(said, Command) and str(said.boot) == boot and said.epoch != last:
+            until_ms = 0 if last else until_ms
+            last = said.epoch
+    return last, until_ms
 
 
 class _Asked(NamedTuple):
@@ -163,9 +174,13 @@ class Processes:
     def __init__(self) -> None:
         self._asked: dict[str, _Asked] = {}
         self._accepted: dict[str, int] = {}
+        self.places: dict[str, tuple[float, float]] = {}
+        """By robot: where its newest program has said that it stands [m]."""
 
     def take(self, robot: str, message: Message | None, log_ns: int) -> None:
         """Take in what a robot said, or was sent, at a time of the log [ns]."""
+        if isinstance(message, Hello) and message.place is not None:
+            self.places[robot] = message.place[0] / 1000.0, message.place[1] / 1000.0
         if isinstance(message, Hello | Report):
             self._asked[robot] = _Asked(message.boot, log_ns)
         elif isinstance(message, Plan) and robot in self._asked:

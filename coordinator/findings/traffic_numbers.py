@@ -60,6 +60,17 @@ def first_go(logs: Iterable[Log], lag_ns: int) -> int | None:
     return found
 
 
+def every_start(logs: Iterable[Log]) -> set[int]:
+    """Return the time zeros [ns] that Commands with GO have stated, on the coordinator's clock."""
+    said = (
+        decode("command", record.payload)
+        for log in logs
+        for record in log.records
+        if record.key.endswith("/command")
+    )
+    return {one.start_ns for one in said if isinstance(one, Command) and one.phase == phases.GO}
+
+
 def is_own(log: Log, command: Command) -> bool:
     """Return whether the coordinator that kept a log sent a Command; any may have if none did."""
     return log.metadata.get("boot", "") in ("", str(command.boot))

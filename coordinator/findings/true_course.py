@@ -7,7 +7,7 @@ exact where this module samples.  Must not know: logs, messages.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy as np
 
 from coordinator.base.errors import InputError
 from coordinator.findings.ride_samples import Array, RideSamples
-from coordinator.log.box_file import box_text
+from coordinator.log.box_file import box_text, start_of_box
 from protocol.phases import DONE, PHASE_NAMES
 
 _COLUMNS: Final = "t,x,y,heading,s,phase,estimate"
@@ -101,20 +101,31 @@ def _numbers(path: Path, rows: list[str]) -> Array:
 
 
 def courses_in(
-    folders: Iterable[Path], robots: Iterable[str], start_ns: int | None = None
+    folders: Iterable[Path],
+    robots: Iterable[str],
+    start_ns: int | None = None,
+    starts: Collection[int] = (),
 ) -> dict[str, TrueCourse]:
     """Read the robots' black boxes `ROBOT.csv`, each from the first folder that has it.
 
-    start_ns: the fleet's first GO, if known.
+    start_ns: the fleet's first GO, if known; starts: every time zero [ns] of the log.  Raises
+    InputError, which names the files, for boxes that count from none of those.
     """
     folders = list(folders)
-    found = {}
-    for robot in robots:
-        for path in (folder / f"{robot}.csv" for folder in folders):
-            if path.is_file():
-                found[robot] = read_course(path, start_ns)
-                break
-    return found
+    places = {robot: [folder / f"{robot}.csv" for folder in folders] for robot in robots}
+    boxes = {
+        robot: path
+        for robot, paths in places.items()
+        if (path := next((one for one in paths if one.is_file()), None)) is not None
+    }
+    strange = [
+        f"{path}: is of another run than the log"
+        for path in boxes.values()
+        if starts and (start_of_box(path) or start_ns) not in {*starts, start_ns}
+    ]
+    if strange:
+        raise InputError(strange)
+    return {robot: read_course(path, start_ns) for robot, path in boxes.items()}
 
 
 def _unlike(places: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:

@@ -155,7 +155,7 @@ class Fleet(OperatedFleet):
         """Begin the next epoch with the parts of these robots; the others stay where they are."""
         self.epoch, self.grants, self.allowed_ms = epoch, grants, 0
         self.times.begin(epoch)
-        self.members.assign(parts)
+        self.members.assign(parts, epoch)
         self._turn("planned" if parts else "none can go", now_ns)
         return self._commands(now_ns)
 

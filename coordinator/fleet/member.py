@@ -24,6 +24,7 @@ from protocol.phases import (
     FROZEN,
     IDLE,
     MOVING,
+    OFF_PATH,
     PHASE_NAMES,
     fault_name,
 )
@@ -70,7 +71,9 @@ class Member:
     whose message is `plan`; `driven`, `holds`: the courses that it says it drives, and holds.
     `excused_ns`: until then it could not be heard, which is not its fault.
     `sent_epoch`: the last epoch in which it may have moved.
+    `part_epoch`: the last epoch in which it got a part.
     `finished`: it has reached its goal.
+    `ended`: the course, by epoch and revision, at whose end it was last heard to be.
     `rest`: where it last said that it rests; None if it may have moved since.
     `stays`: why it got no part in this epoch although it could have had one, in words.
     """
@@ -105,7 +108,9 @@ class Member:
     done_ns: int | None = None
     lost: bool = False
     gone: bool = False
+    part_epoch: int = 1
     finished: bool = False
+    ended: tuple[int, int] = (0, 0)
     struck: set[tuple[int, int]] = field(default_factory=set)
     """The courses, by epoch and revision, on which it has failed since it last arrived."""
     rest: Standing | None = None
@@ -141,7 +146,7 @@ class Member:
             self.accept(hello, now_ns)
             self.finished = self.planned = False
             self.stays = self.overload = ""
-            self.sent_epoch = 0
+            self.sent_epoch, self.ended = 0, (0, 0)
             self.struck.clear()
             self.admission.take_in()
             self.rest = Standing(robot=self.id, state="rests", epoch=0, place=place)
@@ -178,9 +183,9 @@ class Member:
         """Record that the robot is sent on its way, which makes its place of rest obsolete."""
         self.sent_epoch, self.rest = epoch, None
 
-    def take_part(self, plan: bytes, speed: float) -> None:
-        """Give the robot a part in a new epoch."""
-        self.planned, self.plan, self.speed = True, plan, speed
+    def take_part(self, plan: bytes, speed: float, epoch: int) -> None:
+        """Give the robot a part in an epoch."""
+        self.planned, self.plan, self.speed, self.part_epoch = True, plan, speed, epoch
         self.revision = self.driven = self.holds = 0
         self.plan_sent_ns = self.rest = None
         self.overload = self.capacity.objection(plan)
@@ -211,13 +216,13 @@ class Member:
     @property
     def has_arrived(self) -> bool:
         """Whether the robot is at the goal of its newest course."""
-        return self.phase == DONE and self.driven == self.revision
+        course = (self.part_epoch, self.revision)
+        return self.phase == DONE and (self.epoch, self.driven) == course
 
     def has_driven(self, epoch: int, revision: int) -> bool:
         """Return whether the robot is at the end of a course, or has left it for the next one."""
-        if self.phase == DONE and self.driven == revision:
-            return True
-        return self.epoch == epoch and self.driven > revision
+        is_at_end = self.phase == DONE and self.driven == revision
+        return self.epoch == epoch and (is_at_end or self.driven > revision)
 
     def lacks_course(self, epoch: int) -> bool:
         """Return whether the robot has set out, and lacks its newest course."""
@@ -276,11 +281,15 @@ class Member:
             self.frozen_ns = now_ns
         self.epoch, self.phase, self.fault = report.epoch, report.phase, report.fault
         self.driven, self.holds = report.revision, report.holds
+        if self.phase == ARMED or (self.phase == IDLE and self.fault == OFF_PATH):
+            self.finished = False  # It has another course, or is not where that begins.
         if report.rest is not None and report.rest.epoch >= self.sent_epoch:
             self.rest = standing_of(self.id, report.rest)
         elif report.phase == MOVING or (self.came_back_to is not None and report.epoch > 0):
             self.rest = None
-        if report.phase == DONE and report.revision == self.revision:
+        if report.phase == DONE:
+            self.ended = report.epoch, report.revision
+        if self.has_arrived:
             self.finished = True
             self.struck.clear()
             self.done_ns = now_ns if self.done_ns is None else self.done_ns
@@ -372,8 +381,14 @@ class Member:
         time 0.
         """
         if self.finished:
-            is_silent = self.is_silent(now_ns)
-            return Standing(robot=self.id, state="arrived", epoch=epoch, is_silent=is_silent)
+            ended, revision = self.ended
+            return Standing(
+                robot=self.id,
+                state="arrived",
+                epoch=ended,
+                revision=revision,
+                is_silent=self.is_silent(now_ns),
+            )
         state: State = "rests" if self.is_fit else "unfit"
         state = "lost" if self.lost else "overloaded" if self.overload else state
         rest = self.rest

@@ -11,7 +11,7 @@ from typing import Final
 import shapely
 
 from coordinator.fleet.events import Outgoing
-from coordinator.fleet.member import BOOTS, Member
+from coordinator.fleet.member import Member
 from coordinator.fleet.orders import JOIN, LEAVE, known_order, order_of, robot_of
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.fleet.state import FleetState
@@ -35,11 +35,10 @@ from protocol.messages import (
     Tell,
     Unblock,
 )
-from protocol.phases import FROZEN, GO, IDLE, STOP
-from protocol.timing import SECOND
+from protocol.phases import FREEZE, FROZEN, GO, HOLD, IDLE, STOP
 
-_SAID_AGAIN: Final = SECOND
-"""Operators' programs say a word several times a second until they are answered."""
+_MOST_WORDS: Final = 500
+"""So many words of operators are known; older ones count as new when they are heard again."""
 
 _NOWHERE: Final = 0.01
 """A course of at most this length [m] leads nowhere."""
@@ -51,7 +50,9 @@ class OperatedFleet(FleetState):
     def hear_operator(self, message: Message | None, now_ns: int) -> list[Outgoing] | None:
         """Take in an operator's message; return the answer, None if it is not an operator's."""
         answer: list[Outgoing] | None = None
-        if isinstance(message, Order | Cancel):
+        if isinstance(message, Block | Unblock | Join | Leave | Tell) and self._is_old(message):
+            answer = []
+        elif isinstance(message, Order | Cancel):
             answer = self._hear_order(message, now_ns)
         elif isinstance(message, Block | Unblock):
             answer = self._hear_block(message, now_ns)
@@ -63,10 +64,36 @@ class OperatedFleet(FleetState):
             answer = self._hear_tell(message, now_ns)
         return answer
 
+    def _is_old(self, message: Block | Unblock | Join | Leave | Tell) -> bool:
+        """Return whether others have spoken of the same since this program did.
+
+        A program repeats a word until it is answered, and takes another boot id for the next word.
+        What stops robots, closes a place or takes a robot in is never old.
+        """
+        word = (_subject(message), message.boot)
+        spoken = [boot for subject, boot in self.words if subject == word[0]]
+        lets = isinstance(message, Unblock | Leave)
+        if isinstance(message, Tell):
+            lets = message.what != HALT
+        if lets and message.boot in spoken[:-1]:
+            return True
+        self.words.pop(word, None)
+        self.words[word] = None
+        if len(self.words) > _MOST_WORDS:
+            del self.words[next(iter(self.words))]
+        return False
+
     def stop(self, now_ns: int, by: str = "") -> list[Outgoing]:
-        """Stop a fleet that drives: robots brake at once and keep their plans."""
+        """Stop a fleet: robots that drive brake at once and keep their plans.
+
+        A fleet that has yet to set out, or is to get another plan, is stopped before it drives.
+        """
         if self.phase == GO:
             self._stopped_ns = now_ns
+        elif self.phase in (HOLD, FREEZE) and not self.is_to_stop:
+            self.is_to_stop = True
+            text = "the fleet will not set out before it is told to go on"
+            self._tell(now_ns, "order", "", text + (f", by {by}" if by else ""))
         self._turn("told to stop", now_ns, by)
         return self._commands(now_ns)
 
@@ -75,6 +102,7 @@ class OperatedFleet(FleetState):
         if self.phase == STOP:
             self.times.put_off(now_ns + GO_LEAD - self._stopped_ns)
             self._excuse(now_ns, before_ns=now_ns)
+        self.is_to_stop = False
         self._turn("told to go on", now_ns, by)
         return self._commands(now_ns)
 
@@ -223,24 +251,21 @@ class OperatedFleet(FleetState):
         return [Outgoing(keys.blocks(self.name, known.id), encode(known))]
 
     def _hear_tell(self, message: Tell, now_ns: int) -> list[Outgoing]:
-        """Stop, go on, or end when all rest.
-
-        Who repeats that the fleet goes on says it once: a STOP since then is not undone by it.
-        """
+        """Stop, go on, or end when all rest."""
         if message.what == END:
             if not self.is_ending:
                 self._tell(now_ns, "order", "", f"the fleet ends when all rest{_by(message)}")
             self.is_ending, self.orders.stays = True, False
             return []
-        if message.what == HALT:
-            return self.stop(now_ns, message.by)
-        said_ns = self.go_on_ns.pop(message.boot, None)
-        self.go_on_ns[message.boot] = now_ns
-        if len(self.go_on_ns) > BOOTS:
-            del self.go_on_ns[next(iter(self.go_on_ns))]
-        if said_ns is not None and now_ns - said_ns < _SAID_AGAIN:
-            return self._commands(now_ns)
-        return self.go_on(now_ns, message.by)
+        act = self.stop if message.what == HALT else self.go_on
+        return act(now_ns, message.by)
+
+
+def _subject(message: Block | Unblock | Join | Leave | Tell) -> str:
+    """Return what an operator speaks of: a place, a robot, or the fleet."""
+    if isinstance(message, Tell):
+        return ""
+    return f"{JOIN}{message.robot}" if isinstance(message, Join | Leave) else message.id
 
 
 def _by(message: Tell | Block | Unblock | Join | Leave | Cancel) -> str:

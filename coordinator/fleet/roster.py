@@ -63,7 +63,7 @@ class Roster(dict[str, Member]):
             or (m.phase in (asked if m.planned else (FROZEN, IDLE)) and not m.is_at_rest())
         ]
 
-    def assign(self, parts: Mapping[str, Part]) -> None:
+    def assign(self, parts: Mapping[str, Part], epoch: int) -> None:
         """Give these robots their parts in a new epoch.
 
         The others get no part.  From now on any place of rest that they report is accepted, because
@@ -72,7 +72,7 @@ class Roster(dict[str, Member]):
         for member in self.values():
             member.planned = member.id in parts
             if member.planned:
-                member.take_part(parts[member.id].plan, parts[member.id].speed)
+                member.take_part(parts[member.id].plan, parts[member.id].speed, epoch)
             else:
                 member.sent_epoch = 0
                 member.admission.end()

@@ -51,6 +51,7 @@ _KEPT: Final = (
     "first_epoch",
     "is_ending",
     "is_resumed",
+    "is_to_stop",
     "phase",
     "run",
     "superseded",
@@ -72,7 +73,7 @@ class PlainFleet(msgspec.Struct, frozen=True, omit_defaults=True):
     blocks: list[Block]
     numbers: dict[str, int | bool | None]
     outside_ns: dict[str, int] = {}
-    go_on_ns: dict[int, int] = {}
+    words: list[tuple[str, int]] = []
 
 
 class FleetState:
@@ -122,8 +123,11 @@ class FleetState:
         self.outside_ns: dict[str, int] = {}
         """Robots that were taken out: when each was heard since [ns], 0 if it was not."""
 
-        self.go_on_ns: dict[int, int] = {}
-        """By boot id of operators' programs: when each said last that the fleet goes on."""
+        self.words: dict[tuple[str, int], None] = {}
+        """What operators' programs have spoken of, each with its boot id, the newest word last."""
+
+        self.is_to_stop = False
+        """Whether an operator has stopped a fleet that has yet to set out."""
 
         self.is_ending = False
         """Whether an operator has told the fleet to end when all rest."""
@@ -141,7 +145,7 @@ class FleetState:
             list(self.blocks.values()),
             {name: getattr(self, name) for name in _KEPT},
             dict(self.outside_ns),
-            dict(self.go_on_ns),
+            list(self.words),
         )
 
     @classmethod
@@ -158,7 +162,7 @@ class FleetState:
         if told.router_up is not None:
             made._router.take(told.router_up)
         made.blocks = {block.id: block for block in told.blocks}
-        made.outside_ns, made.go_on_ns = dict(told.outside_ns), dict(told.go_on_ns)
+        made.outside_ns, made.words = dict(told.outside_ns), dict.fromkeys(told.words)
         made._told_orders = {
             one.id: one.state for one in told.orders.said.values() if one.state or one.reason
         }
@@ -250,7 +254,6 @@ class FleetState:
         """Take in that the clock has begun anew: what was before it was that much earlier [ns]."""
         self._first_go_ns += by_ns if self.has_gone else 0
         self._waits_since_ns = None
-        self.go_on_ns.clear()
         self.outside_ns = {name: at and at + by_ns for name, at in self.outside_ns.items()}
         for member in self.members.values():
             member.set_back(by_ns)
@@ -330,6 +333,7 @@ class FleetState:
         phase = TRANSITIONS.get((self.phase, event))
         if phase is None:
             return
+        self.is_to_stop |= self.phase == STOP and phase == FREEZE
         self.phase, self._changed_ns = phase, now_ns
         if event == "all armed":
             self.times.go(now_ns)
@@ -337,6 +341,9 @@ class FleetState:
             for member in self.members.planned:
                 member.set_out(self.epoch)
         self._tell_phase(now_ns, COMMAND_NAMES[phase] + (f", by {by}" if by else ""))
+        if phase == GO and self.is_to_stop:
+            self.is_to_stop, self._stopped_ns = False, now_ns
+            self._turn("told to stop", now_ns)
 
     def _commands(self, now_ns: int) -> list[Outgoing]:
         """Return the Command, or several if one cannot name all who have less authority."""

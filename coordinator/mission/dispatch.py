@@ -325,7 +325,7 @@ class Dispatcher:
             member.take_course(plan, request.revision, now_ns)
             task.is_urgent = False
             self._not_found(task, asked, answer, idle, now_ns)
-            return asked.wish.robot
+            return replace(asked.wish.robot, goal=proposal.course.goal)
         if asked.leaves:
             fleet.orders.put_back(request.robot)
         self._ways.pop(task.order.id, None)
@@ -345,7 +345,7 @@ class Dispatcher:
         task.planned_arrival_ms = finish_ms - fleet.times.plan_ms(now_ns) + now_ms
         if task.joins is not None:
             self.robots[request.robot] = task.joins
-            member.take_part(plan, task.joins.max_speed)
+            member.take_part(plan, task.joins.max_speed, fleet.epoch)
             member.await_start(now_ns + _JOIN_PATIENCE)
         member.take_course(plan, request.revision, now_ns)
         return replace(asked.wish.robot, goal=task.order.goal)

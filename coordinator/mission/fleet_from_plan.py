@@ -40,6 +40,7 @@ def muster(plan: PackedPlan, boot: int, orders: OrderBook | None = None) -> Flee
             plan=parts[robot.id].plan,
             accel=_brakes(robot),
             timeout_ns=times.report_timeout_ns,
+            part_epoch=document.epoch,
         )
         for robot in document.robots
     ]

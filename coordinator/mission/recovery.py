@@ -136,8 +136,20 @@ def _plan(scenario: Scenario, epoch: int, plan: Planner) -> PackedPlan:
     """Plan with wide turns, or else with any turns; try given start headings before free ones."""
     for asked in (_gentle(scenario), _gentle(turned(scenario)), scenario):
         with suppress(PlanError):
-            return plan(asked, epoch)
+            return _with_own_radii(plan(asked, epoch), scenario)
     return plan(turned(scenario), epoch)
+
+
+def _with_own_radii(plan: PackedPlan, scenario: Scenario) -> PackedPlan:
+    """Return the plan of robots that may turn as tightly as they can: further courses do."""
+    least = {robot.id: robot.min_turn_radius for robot in scenario.robots}
+    robots = [
+        one
+        if one.limits is None
+        else replace(one, limits=replace(one.limits, min_turn_radius=least[one.id]))
+        for one in plan.document.robots
+    ]
+    return changed(plan, document=replace(plan.document, robots=robots))
 
 
 def _gentle(scenario: Scenario) -> Scenario:

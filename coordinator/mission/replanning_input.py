@@ -221,9 +221,9 @@ def _stands(
         if was is None or was.why != "closed in" or was.pose is None:
             return robot if was is None else was
         return replace(was.robot, start=was.pose)
-    if standing.state == "arrived":
-        return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
     ride = rides.get((robot.id, standing.epoch, standing.revision))
+    if standing.state == "arrived":
+        return _at_end(robot, ride)
     if ride is None:
         known = was or Aside(robot, "lost", np.array([robot.start[:2]]), None)
         return changed(known, why="lost") if standing.state == "lost" else known
@@ -251,6 +251,14 @@ def _comes_back(robot: Robot, standing: Standing, place: Pose, margin: float) ->
     if math.dist(place[:2], robot.goal[:2]) <= max(on_path(margin), _THERE):
         return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
     return replace(robot, start=place, via=(), path=None)
+
+
+def _at_end(robot: Robot, ride: Driven | None) -> Aside:
+    """Return a robot that has driven its course to the end, which may not be where it was sent."""
+    if ride is not None and math.dist(ride.curve.points[-1], robot.goal[:2]) > SAME:
+        goal = pose_beside(ride, ride.curve.length)
+        robot = replace(robot, goal=goal, via=(), path=None)
+    return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
 
 
 def _stretches(rides: Rides, standing: Standing) -> Array:

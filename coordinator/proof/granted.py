@@ -13,6 +13,7 @@ that grants authority, how courses are proven, logs.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -281,6 +282,22 @@ class Granted:
         """Return the plan times [ms] between which a robot stands that is granted nothing more."""
         slot = self._now[robot].slot
         return float(self._passed[slot]), self._ended[slot]
+
+    def stretches(self, robot: str) -> list[tuple[int, float, float]]:
+        """Return where a robot may be: revisions of its courses, and from and to which time [ms].
+
+        Times are infinite for a robot at the goal of a course.
+        """
+        courses = (self._now.get(robot), self._next.get(robot))
+        found = []
+        for one in courses:
+            if one is None or one.is_withdrawn:
+                continue
+            since = float(self._passed[one.slot])
+            most = max(float(self._granted[one.slot]), float(self._unseen[one.slot]), one.begin_ms)
+            until = min(most, self._ended.get(one.slot, math.inf))
+            found.append((one.revision, since, math.inf if math.isinf(since) else until))
+        return found
 
     def take_command(self, command: Command) -> None:
         """Take in what a Command grants, and check the invariant."""

@@ -16,7 +16,7 @@ from coordinator.fleet.core import Fleet
 from coordinator.fleet.member import Member, place_of
 from coordinator.fleet.orders import LEAVE
 from protocol.messages import ORDER_DONE, OrderState
-from protocol.phases import IDLE, NO_FAULT, OVER, PHASE_NAMES, fault_name
+from protocol.phases import HOLD, IDLE, NO_FAULT, OVER, PHASE_NAMES, fault_name
 from protocol.timing import REPORT_TIMEOUT, SECOND
 
 _PERIOD: Final = SECOND // 2
@@ -68,7 +68,7 @@ class AlarmBell:
             and now_ns - at_ns < REPORT_TIMEOUT
             and name not in fleet.members
         ]
-        self._alarms.look(True, robots, day_s, outside)
+        self._alarms.look(True, robots, day_s, outside, arms=fleet.phase == HOLD)
         seen, self._seen = self._seen, {one.id: one for one in self._alarms.now()}
         for name, one in self._seen.items():
             is_settled = name in seen and seen[name].text == one.text
@@ -99,6 +99,7 @@ def _state_of(fleet: Fleet, member: Member, order: str, now_ns: int) -> RobotSta
             place=None if hello is None else place_of(hello),
         )
     is_heard = not member.is_silent(now_ns)
+    is_awaited = member.boot is None and fleet.phase == HOLD
     return RobotState(
         id=member.id,
         phase=PHASE_NAMES[member.phase],
@@ -106,7 +107,7 @@ def _state_of(fleet: Fleet, member: Member, order: str, now_ns: int) -> RobotSta
         age=None if member.boot is None else (now_ns - member.heard_ns) / SECOND,
         is_heard=is_heard,
         order=order,
-        stretch=[] if is_heard else _stretch(fleet, member.id),
+        stretch=[] if is_heard or is_awaited else _stretch(fleet, member.id),
     )
 
 

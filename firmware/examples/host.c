@@ -67,7 +67,7 @@ static void tick(char *rest) {
     printf("tick %d %d %a %a %a %a %a %" PRIu32 " %" PRIu32 " %" PRIu32 " %d %d ", agent.phase,
            agent.fault, (double)agent.drive_speed, (double)agent.drive_curvature,
            (double)agent.drive_distance, (double)agent.drive_turn, (double)sf_place_on_path(&agent),
-           agent.epoch, agent.revision, agent.holds, sf_may_leave(&agent, now_ns),
+           agent.epoch, agent.revision, agent.holds, sf_may_leave(&agent),
            sf_is_reading(&agent));
     if (sf_coordinator_time(&agent, now_ns, &time_ns)) printf("%" PRId64 "\n", time_ns);
     else printf("-\n");

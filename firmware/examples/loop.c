@@ -42,5 +42,5 @@ bool sf_loop_tick(sf_loop *loop, int64_t now_ns) {
     int kind;
     while ((kind = sf_speak(agent, now_ns, loop->sent, &length)) != SF_NOTHING)
         loop->link->send(loop->link->link, kind, loop->sent, length);
-    return !sf_may_leave(agent, now_ns);
+    return !sf_may_leave(agent);
 }

@@ -65,9 +65,9 @@ void sf_driver_failed(sf_agent *agent, int64_t now_ns);
    and that has no measured pose of its own before. */
 bool sf_start_pose(sf_agent *agent, sf_real *x, sf_real *y, sf_real *heading);
 
-/* Whether nothing is left to do: the fleet has ended, the coordinator of a robot at its goal has
-   been silent for 10 s, or the coordinator refused this robot (agent->refused). */
-bool sf_may_leave(const sf_agent *agent, int64_t now_ns);
+/* Whether nothing is left to do: the fleet has ended, or the coordinator refused this robot
+   (agent->refused). */
+bool sf_may_leave(const sf_agent *agent);
 
 /* The arc length [m] at which the robot is on its course; 0 while it has none. */
 static inline sf_real sf_place_on_path(const sf_agent *agent) {

@@ -66,7 +66,7 @@ class Robot:
             self._act_on(fields, heard_ns, now_ns)
         self.agent.tick(now_ns, x, y, heading)
         self._speak(now_ns, x, y, heading)
-        return self.refusal is None and not self.agent.may_leave(now_ns)
+        return self.refusal is None and not self.agent.finished
 
     def _act_on(self, fields: list, heard_ns: int, now_ns: int) -> None:
         tag = fields[0]

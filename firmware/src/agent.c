@@ -109,10 +109,6 @@ SHARED static void lose_clock(sf_agent *agent) {
     disarm(agent);
 }
 
-static bool is_silent(const sf_leader *leader, int64_t now_ns, int64_t patience_ns) {
-    return now_ns - leader->heard_ns > patience_ns;
-}
-
 /* Whether an order is to be obeyed: the highest (term, boot) leads. */
 static bool counts(const sf_agent *agent, const sf_order *order) {
     const sf_leader *leader = &agent->leader;
@@ -122,7 +118,7 @@ static bool counts(const sf_agent *agent, const sf_order *order) {
     if (!before_motion(agent) && order->run != last->run) return false;
     if (!leader->heard || rank > leading) return true;
     if (rank == leading) return order->sequence > last->sequence;
-    return before_motion(agent) && is_silent(leader, agent->clock.now_ns, COORDINATOR_TIMEOUT);
+    return before_motion(agent) && agent->clock.now_ns - leader->heard_ns > COORDINATOR_TIMEOUT;
 }
 
 void sf_hear_command(sf_agent *agent, const sf_command *command) {
@@ -343,9 +339,6 @@ void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real head
     sf_read_plan(agent, SF_WORK); /* Last, so that no tick takes a course and changes to it. */
 }
 
-bool sf_may_leave(const sf_agent *agent, int64_t now_ns) {
-    bool left = agent->phase == SF_DONE && is_silent(&agent->leader, now_ns, LEAVE_TIMEOUT);
-    return left || agent->finished || agent->refused;
-}
+bool sf_may_leave(const sf_agent *agent) { return agent->finished || agent->refused; }
 
 #include "core_end.h"

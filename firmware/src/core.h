@@ -41,7 +41,6 @@ float fabsf(float), sqrtf(float), sinf(float), cosf(float), atan2f(float, float)
 #define COMMAND_PERIOD (100 * MILLISECOND)
 #define SEND_PERIOD (200 * MILLISECOND) /* of Reports, and of Hellos */
 #define COORDINATOR_TIMEOUT (2 * SECOND)
-#define LEAVE_TIMEOUT (10 * SECOND)
 #define CLOCK_ERROR_MS 10
 #define CLOCK_RESERVE_MS 2
 #define CLOCK_PERIOD_FAST (40 * MILLISECOND)

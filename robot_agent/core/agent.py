@@ -52,7 +52,6 @@ from protocol.timing import (
     CLOCK_ERROR,
     CLOCK_RESERVE,
     HELLO_PERIOD,
-    LEAVE_TIMEOUT,
     MILLISECOND,
     REPORT_PERIOD,
     SECOND,
@@ -355,16 +354,6 @@ class Agent:
     def has_driven(self) -> bool:
         """Return whether the robot has ever set out on a plan, or frozen while it held a plan."""
         return self._spent_epoch > 0
-
-    def may_leave(self, now_ns: int) -> bool:
-        """Return whether nothing is left to do.
-
-        That is when the fleet has ended, or when the robot is at its goal and its coordinator has
-        been silent for LEAVE_TIMEOUT.
-        """
-        if self.phase == DONE and self._leader.is_silent(now_ns, LEAVE_TIMEOUT):
-            return True
-        return self.finished
 
     def _try_to_arm(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> None:
         """Arm at the start, as soon as the time is known well enough or for CLOCK_PATIENCE not."""

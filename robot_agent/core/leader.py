@@ -33,7 +33,7 @@ class Leader:
             return sequence > self.sequence
         if term > self.term or (term == self.term and boot > self.boot):
             return True
-        return before_motion and self.is_silent(now_ns)
+        return before_motion and now_ns - self._heard_ns > COORDINATOR_TIMEOUT
 
     def hear(
         self, term: int, boot: int, sequence: int, epoch: int, phase: int, now_ns: int
@@ -43,7 +43,3 @@ class Leader:
         self.term, self.boot, self.sequence = term, boot, sequence
         self.epoch, self.phase, self._heard_ns = epoch, phase, now_ns
         return another
-
-    def is_silent(self, now_ns: int, patience_ns: int = COORDINATOR_TIMEOUT) -> bool:
-        """Return whether the newest Command came longer than `patience_ns` ago."""
-        return now_ns - self._heard_ns > patience_ns

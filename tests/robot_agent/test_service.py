@@ -383,15 +383,15 @@ def test_bytes_that_mean_nothing_and_plans_for_others_do_no_harm():
     assert hall.run() == 0
 
 
-def test_a_robot_at_its_goal_leaves_when_the_fleet_has_gone_and_says_so():
+def test_a_robot_at_its_goal_waits_for_its_coordinator_as_long_as_one_under_way():
     hall, told = Hall(), []
 
     def fall_silent() -> None:
         hall.silent = True
 
     hall.reactions[DONE] = fall_silent
-    assert hall.run(tell=told.append) == 0
-    assert told[-1] == f"{ME}: ends at its goal, heard no coordinator for 10 s"
+    assert hall.run(tell=told.append, give_up_ns=30 * SECOND) == 1
+    assert told[-1] == f"{ME}: gave up, heard no coordinator for 30 s"
 
 
 def test_an_interrupted_robot_stops_its_motors_closes_and_says_130(tmp_path):

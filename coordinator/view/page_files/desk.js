@@ -75,8 +75,9 @@ class Desk {
     return found;
   }
 
-  stop() {
-    this.command("STOP", "POST", "freeze", "");
+  async stop() {
+    const found = await this.command("STOP", "POST", "freeze", "");
+    if (["hold", "freeze"].includes(found?.phase)) this.say("STOP is taken: the fleet will not set out");
   }
 
   /** Take in news of the fleet; only robots that have changed are in it. */

@@ -53,7 +53,7 @@ static uintptr_t act_on(memory *at, exchange *with, const uint8_t *plan, uintptr
     }
     with->phase = agent->phase;
     with->fault = agent->fault;
-    with->flags = (uint8_t)(sf_may_leave(agent, with->now_ns) * LEAVES +
+    with->flags = (uint8_t)(sf_may_leave(agent) * LEAVES +
                             sf_is_reading(agent) * READS + agent->refused * REFUSED);
     return answer;
 }

@@ -9,6 +9,7 @@ from coordinator.base.errors import InputError
 from coordinator.findings.info import courses_of, summarise
 from coordinator.findings.plan_facts import summarise_plan
 from coordinator.findings.ride_samples import ride_of_message, ride_of_plan
+from coordinator.findings.traffic_numbers import every_start
 from coordinator.findings.true_course import read_course
 from coordinator.log.log_file import read_log
 from coordinator.log.recorder import Recorder
@@ -202,3 +203,14 @@ def test_black_boxes_with_and_without_estimates_say_the_same(tmp_path):
         course = read_course(path)
         assert course.places.tolist() == [[1.0, 2.0], [3.0, 4.0]]
         assert course.arrival == 1.0
+
+
+def test_a_black_box_of_another_run_is_named_and_not_taken_for_this_one(tmp_path, document):
+    path = write_run(tmp_path, document, {one.id: box_rows(one) for one in drive(document)})
+    start = tmp_path / "R1.csv.start"
+    (go_ns,) = every_start([read_log(path)])
+    start.write_text(f"1 {go_ns}")
+    assert told_of(path)["R1"]["nearest"]["source"] == "black boxes"
+    start.write_text(f"1 {go_ns - 90 * SECOND}")
+    with pytest.raises(InputError, match=r"R1\.csv: is of another run than the log"):
+        told_of(path)

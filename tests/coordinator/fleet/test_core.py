@@ -276,7 +276,7 @@ def test_stop_stops_everybody_and_the_plan_goes_on_where_it_was():
     assert told_of(floor) == []
 
 
-def test_who_repeats_that_the_fleet_goes_on_does_not_undo_a_later_stop():
+def test_who_repeats_that_the_fleet_goes_on_does_not_undo_a_later_stop_of_somebody_else():
     floor = Floor().go()
 
     def say(boot, what):
@@ -289,10 +289,11 @@ def test_who_repeats_that_the_fleet_goes_on_does_not_undo_a_later_stop():
         assert say(7, HALT) == STOP
         drive(floor, 0.2, "R1", "R2", "R3")
         assert say(8, GO_ON) == STOP
+    drive(floor, 1.2, "R1", "R2", "R3")
+    assert say(8, GO_ON) == STOP
     assert say(9, GO_ON) == GO
     assert say(7, HALT) == STOP
-    drive(floor, 1.2, "R1", "R2", "R3")
-    assert say(8, GO_ON) == GO
+    assert say(7, GO_ON) == GO
 
 
 def test_no_robot_is_told_more_than_the_log_says_ahead():

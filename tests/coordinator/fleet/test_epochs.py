@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP
-from coordinator.fleet.member import STRIKES
+from coordinator.fleet.member import STRIKES, Member
 from coordinator.fleet.phases import ARM_PATIENCE, RESUME_PATIENCE, RETURN_PATIENCE
 from protocol import keys
 from protocol.codec import decode, encode
@@ -376,3 +376,13 @@ def test_a_robot_without_a_part_that_dies_is_not_counted_on(news):
     floor.tick()
     assert floor.fleet.is_settled(floor.now)
     assert state_of(floor) == {"R1": "rests", "R3": "lost"}
+
+
+def test_a_robot_at_the_end_of_a_course_of_an_earlier_epoch_has_not_finished_its_new_one():
+    member = Member(id="R1", radius=0.2, speed=0.5, plan=b"", boot=7)
+    member.take_part(b"", 0.5, 2)
+    for epoch in (1, 2):
+        assert not member.finished
+        member.hear(Report(boot=7, sequence=epoch, epoch=epoch, phase=DONE, fault=0), SECOND)
+        assert member.has_arrived == member.finished == member.has_driven(2, 0) == (epoch == 2)
+    assert member.standing(2, [], SECOND).epoch == 2

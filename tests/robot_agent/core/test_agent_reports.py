@@ -8,7 +8,7 @@ import pytest
 
 from protocol.phases import ARMED, BRAKING, DONE, FREEZE, FROZEN, GO, HOLD, IDLE, MOVING, OVER
 from protocol.timeline import Timeline
-from protocol.timing import LATE_STEP_MS, LEAVE_TIMEOUT
+from protocol.timing import LATE_STEP_MS
 from robot_agent.core.agent import Agent
 from robot_agent.core.ride import MOST_LATE, MOST_STAMP, NOTHING, Ride
 from tests.robot_agent.core.phases import MOTION, PATH, hear_plan, run_in
@@ -82,16 +82,13 @@ def test_the_time_is_asked_for_often_at_first_and_rarely_later():
     assert [b - a for a, b in itertools.pairwise(asked[7:])] == [2 * SECOND] * 4
 
 
-def test_a_robot_may_leave_when_all_is_over_or_at_its_goal_alone():
-    run = run_in(DONE)
-    run.command(GO)
-    assert not run.agent.may_leave(run.own(run.now) + LEAVE_TIMEOUT)
-    assert run.agent.may_leave(run.own(run.now) + LEAVE_TIMEOUT + MS)
-    for phase in (IDLE, ARMED, MOVING, BRAKING, FROZEN):
-        assert not run_in(phase).agent.may_leave(1 << 60)
-    run = run_in(FROZEN)
-    run.command(OVER)
-    assert run.agent.may_leave(run.own(run.now))
+def test_a_robot_has_finished_when_all_is_over_and_not_before():
+    for phase in (IDLE, ARMED, MOVING, BRAKING, FROZEN, DONE):
+        run = run_in(phase)
+        assert not run.agent.finished
+        run.command(OVER)
+        run.until(run.now + 100 * MS)
+        assert run.agent.finished == (phase not in (MOVING, BRAKING))
 
 
 def reported(run):

@@ -78,6 +78,12 @@ def test_a_robot_that_is_back_calls_a_person_until_it_is_admitted_and_not_later(
     assert [text for text in rung(bell, world, 10.0) if BACK in text] == over
 
 
+def test_robots_that_are_yet_to_be_started_call_nobody():
+    fleet, bell = a_world(queue_of_two()).fleet, AlarmBell()
+    for now_s in range(1, 30):
+        assert list(bell.news(fleet, now_s * SECOND, float(now_s))) == []
+
+
 def test_a_robot_that_was_taken_out_unheard_calls_a_person_until_it_joins_again():
     world, bell = a_world(queue_of_two(), faults=["hang:R2@6:6"], stays=True), AlarmBell()
     say, left = operator(world), "R2 was taken out, but is heard: it may be on the floor"

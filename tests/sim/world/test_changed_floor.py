@@ -130,7 +130,6 @@ def test_a_robot_without_a_way_any_more_stays_and_the_others_go_on(tmp_path):
 
 
 def test_a_robot_at_its_goal_that_is_heard_no_more_holds_up_no_new_epoch(tmp_path):
-    """Agents end at their goals when their coordinator is away for long."""
     logs, scenario = RunLogs(tmp_path), a_hall()
     world = a_world(scenario, logs=logs, faults=["kill:R3@14"])
     world.go_on(15.0)

@@ -136,6 +136,6 @@ def test_every_attribute_of_a_fleet_is_in_its_checkpoint_or_known_not_to_matter(
     """Whoever adds one to the core decides whether a coordinator that goes on has to know it."""
     fleet = mission_at_end(killed).fleet
     elsewhere = {"name", "boot", "members", "times", "grants", "orders", "_router", "blocks"}
-    elsewhere |= {"outside_ns", "go_on_ns"}
+    elsewhere |= {"outside_ns", "words"}
     news = {"incidents", "given_up_news", "_door", "_told_orders"}
     assert vars(fleet).keys() == {*fleet.plain().numbers, *elsewhere, *news}
