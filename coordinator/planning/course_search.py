@@ -103,7 +103,7 @@ def rest(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:
         proposal = propose(site, wish, others)
     except PlanError as error:
         return Answer(None, 0.0, error.sentence)
-    return Answer(proposal, 0.0, "stays where it is until it says that it does")
+    return Answer(proposal, 0.0, "rests first: there is no way yet")
 
 
 def stand(site: Site, wish: Wish, others: Sequence[Course]) -> Answer:

@@ -20,7 +20,12 @@ from coordinator.findings.info import summarise
 from coordinator.findings.info_fields import FaultSummary, Summary
 from coordinator.findings.plans_from_messages import RADIUS, is_further, plans_said
 from coordinator.findings.traffic_numbers import clock_lag
-from coordinator.fleet.log_records import adoption_key, request_of
+from coordinator.fleet.log_records import (
+    adoption_key,
+    around_robot,
+    is_around_key,
+    request_of,
+)
 from coordinator.fleet.rest_places import Standing
 from coordinator.log.log_writer import VIRTUAL, WALL_OFFSET
 from coordinator.plan.document import PlanDocument
@@ -107,6 +112,9 @@ class Course:
         self.faults: list[tuple[int, FaultSummary]] = []
         self.returns: list[tuple[int, str, str]] = []
         """Robots that were lost and are heard or admitted again, or taken out: when, who, what."""
+
+        self.around: list[tuple[int, str]] = []
+        """Robots that others are sent around, and from when on."""
 
         self.notes: list[str] = []
         self.held: list[Hold] = []
@@ -240,6 +248,9 @@ class Course:
             request = request_of(record.payload)
             if request is not None:
                 self.told[request.epoch] = request.told
+            return
+        if is_around_key(record.key) and (robot := around_robot(record.payload)) is not None:
+            self.around.append((now_ns, robot))
             return
         place = keys.split(record.key)
         if place is None or place[0] != fleet:
@@ -508,6 +519,15 @@ def _marks(
         )
         for hold in course.held
         if (course.last if hold.until_ns is None else hold.until_ns) - hold.since_ns >= _LONG
+    ]
+    marks += [
+        Mark(
+            t=round((at - zero) * _NS, 3),
+            kind="late",
+            text=f"others go around {robot}",
+            robot=number_of(robot),
+        )
+        for at, robot in course.around
     ]
     if course.over is not None:
         marks.append(Mark(t=round((course.over - zero) * _NS, 3), kind="over", text="over"))

@@ -15,6 +15,7 @@ from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import Demand, Order
 from coordinator.schedule.authority import Authority
 from coordinator.service.replay import check_log
+from coordinator.view.scene_log import scene_of_logs
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import (
@@ -291,6 +292,9 @@ def test_a_robot_held_by_a_lost_one_is_sent_around_it_and_nobody_else_is_stopped
     assert (found["behind"], found["beside"], found["ahead"]) == (ORDER_DONE, ORDER_DONE, REFUSED)
     assert freezes(world) == 0
     assert_sound(world, logs)
+    scene = scene_of_logs([("run.mcap", read_log(logs.paths[-1]))])
+    (mark,) = [one for one in scene.marks if one.text.startswith("others go around")]
+    assert (mark.text, scene.robots[mark.robot].id) == ("others go around R2", "R2")
 
 
 def test_a_lost_robot_that_is_heard_again_after_others_went_around_it_drives_on(tmp_path):
