@@ -333,7 +333,10 @@ class FleetState:
         phase = TRANSITIONS.get((self.phase, event))
         if phase is None:
             return
-        self.is_to_stop |= self.phase == STOP and phase == FREEZE
+        if phase == FREEZE:
+            self.is_to_stop |= self.phase == STOP
+            for member in self.members.values():
+                member.forget_rest()
         self.phase, self._changed_ns = phase, now_ns
         if event == "all armed":
             self.times.go(now_ns)

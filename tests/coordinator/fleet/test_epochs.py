@@ -386,3 +386,15 @@ def test_a_robot_at_the_end_of_a_course_of_an_earlier_epoch_has_not_finished_its
         member.hear(Report(boot=7, sequence=epoch, epoch=epoch, phase=DONE, fault=0), SECOND)
         assert member.has_arrived == member.finished == member.has_driven(2, 0) == (epoch == 2)
     assert member.standing(2, [], SECOND).epoch == 2
+
+
+def test_when_the_fleet_freezes_who_may_have_begun_its_next_course_has_to_say_where_it_is():
+    floor = Floor().go()
+    floor.report("R1", DONE)
+    member = floor.fleet.members["R1"]
+    member.take_course(b"next plan of R1", 1, floor.now)
+    assert member.is_at_rest()
+    floor.fleet.leave_floor(floor.now)
+    assert not member.is_at_rest()
+    floor.report("R1", DONE)
+    assert member.is_at_rest()
