@@ -80,7 +80,7 @@ def prove_log(log: Log, scenario: Scenario | None = None, before: Sequence[Log] 
     for one in logs:
         unknown |= take_messages(one, granted, processes, behind.watch)
         number, until_ms = _said_ahead(one)
-        if (newest := granted.get(number)) is not None and newest.commands:
+        if (newest := granted.get(number)) is not None:
             newest.lose_sight(until_ms)  # Its last Commands may not be in it.
     epochs = [
         EpochProof(number, proofs[number], found.commands, found.failures, found.courses)
@@ -146,18 +146,23 @@ def _take_note(granted: GrantedCourses, record: Record) -> None:
 
 
 def _said_ahead(log: Log) -> tuple[int, int]:
-    """Return a log's last epoch, and up to which plan time [ms] robots may be driving in it."""
-    boot, last, until_ms = log.metadata.get("boot", ""), 0, 0
+    """Return a log's last epoch, and up to which plan time [ms] robots may be driving in it.
+
+    That is 0 unless the last Command lets robots drive: another phase is on disk before it is said.
+    """
+    boot, until_ms = log.metadata.get("boot", ""), 0
+    last: Command | None = None
     for record in log.records:
         if is_ahead_key(record.key):
             until_ms = ahead_ms(record.payload) or 0
             continue
         place = keys.split(record.key)
         said = decode(place[1], record.payload) if place and place[1] == "command" else None
-        if isinstance(said, Command) and str(said.boot) == boot and said.epoch != last:
-            until_ms = 0 if last else until_ms
-            last = said.epoch
-    return last, until_ms
+        if isinstance(said, Command) and str(said.boot) == boot:
+            last = said
+    if last is None:
+        return 0, 0
+    return last.epoch, until_ms if last.phase == GO else 0
 
 
 class _Asked(NamedTuple):

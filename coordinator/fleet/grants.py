@@ -506,10 +506,15 @@ class Grants:
     def lose_sight(self, until_ms: int) -> None:
         """Take in that robots may have been told more, up to a plan time, than is known.
 
-        Those that were given up were not.
+        Those that were given up were not, but on a course that they were sent since.
         """
-        names = np.array([name in self.given_up for name in self._names], bool)
-        self._rule.may_have_told(np.flatnonzero((self._numbers >= 0) & ~names), until_ms)
+        slots = [
+            one.slot
+            for name, mine in self._courses.items()
+            for one in mine
+            if not one.is_withdrawn and (one is not mine.now or name not in self.given_up)
+        ]
+        self._rule.may_have_told(np.array(slots, np.int64), until_ms)
 
     def spans(self, robot: str) -> list[Span]:
         """Return the parts of its courses on which a robot is: known to have passed, told."""

@@ -127,5 +127,5 @@ def test_the_page_of_a_log_tells_who_was_held(stalled):
     assert told
     assert all(one.until > one.since >= 0.0 for one in scene.held)
     long = [one for one in scene.held if one.until - one.since >= 1.0]
-    marks = [mark.text for mark in scene.marks if mark.kind == "late"]
+    marks = [mark.text for mark in scene.marks if "is held by" in mark.text]
     assert marks == [f"{names[one.robot]} is held by {names[one.by]}" for one in long]

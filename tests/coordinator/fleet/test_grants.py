@@ -214,13 +214,18 @@ def test_what_another_coordinator_may_have_told_bounds_where_a_robot_is_and_gran
     assert grants.spans("R1") == [(0, 5_900, 7_000)]
 
 
-def test_another_coordinator_told_one_that_was_given_up_nothing_more():
+def test_another_coordinator_told_one_that_was_given_up_nothing_more_but_on_a_newer_course():
     grants = Grants(staircases(), ["R1", "R2"], HEADROOM)
     state(grants, 0)
     grants.give_up("R1")
     grants.lose_sight(7_000)
     assert grants.spans("R1") == [(0, 0, 1_000)]
     assert grants.spans("R2") == [(0, 0, 7_000)]
+    plan = SimpleNamespace(begin_ms=2_000, revision=1)
+    course = SimpleNamespace(driven=SimpleNamespace(id="R1", plan=plan))
+    assert grants.commit(grants.reserve(), course, [], staircases())
+    grants.lose_sight(8_000)
+    assert grants.spans("R1") == [(0, 0, 1_000), (1, 0, 8_000)]
 
 
 @pytest.mark.parametrize(
