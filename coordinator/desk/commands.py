@@ -154,7 +154,7 @@ class Commands:
 
     async def resume(self, by: str) -> Phase:
         """Let a fleet that was stopped go on."""
-        return await self._tell(GO_ON, (phases.GO, phases.OVER), by)
+        return await self._tell(GO_ON, (phases.GO, phases.OVER), by, _STANDS)
 
     async def end(self, by: str) -> Phase:
         """Tell the fleet to end when all rest; the answer does not wait until it has ended.

@@ -165,7 +165,7 @@ class LiveCourse:
         """Return the fleet's time; None before its first GO or before its clock is known."""
         if self._first is None or not self._course.starts:
             return None
-        zero = min(self._course.starts.values())
+        zero = self._course.zero_ns()
         speed = self._speed()
         passed = (self._latest[0] - zero) / SECOND + speed * (now - self._latest[1])
         return FleetTime(round(passed, 3), round(speed, 3))
@@ -179,7 +179,7 @@ class LiveCourse:
 
     def held_now(self) -> dict[str, tuple[str, float]]:
         """Return which robots are held now, by whom, and since when [s] after the first GO."""
-        zero_ns = min(self._course.starts.values(), default=0)
+        zero_ns = self._course.zero_ns()
         return {
             hold.robot: (hold.by, round((hold.since_ns - zero_ns) / SECOND, 3))
             for hold in self._holds.now
@@ -216,7 +216,8 @@ class LiveCourse:
             held = self._take_held(message, now)
             silent = course.said.silent(message.epoch, self._now_ns(now))
             for name in sorted(silent):  # One that has started again speaks, but of no course.
-                if (course.said.last_ns(name) or 0) < self._now_ns(now) - SILENT:
+                heard_ns = course.said.last_ns(name)
+                if heard_ns is not None and heard_ns < self._now_ns(now) - SILENT:
                     self._lose(name, "fell silent", "silence", now)
             phase = (message.phase, message.start_ns)
             stand = (message.epoch, phase, self._reasons(message.epoch), silent)

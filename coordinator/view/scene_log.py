@@ -157,7 +157,8 @@ class Course:
             self.frozen.setdefault(max(self.starts, default=command.epoch), now_ns)
             return
         self.begins.setdefault(command.epoch, now_ns)
-        if command.phase == GO:
+        is_stopped = command.phase == STOP and command.epoch not in self.starts
+        if command.phase == GO or is_stopped:
             self.starts.setdefault(command.epoch, command.start_ns)
             self.said.begin(command)
         elif command.phase == OVER and self.over is None:
@@ -184,6 +185,15 @@ class Course:
         radii = {} if known is None else {robot.id: robot.radius for robot in known.robots}
         radius = radii.get(plan.robot) or self.radii.get(plan.robot, RADIUS)
         return is_further(plan) and self.sent.take(plan, radius, now_ns)
+
+    def zero_ns(self) -> int:
+        """Return the time [ns] that counts as 0: the first GO.
+
+        Who listens since later knows when the plan would have begun without the pauses before that.
+        Orders were accepted, and done, some time after the first GO, which so was earlier.
+        """
+        heard = min(self.starts.values(), default=min(self.begins.values(), default=0))
+        return min(heard, self.orders.went_ns)
 
     def is_done(self, epoch: int, robot: str) -> bool:
         """Return whether a robot has reported that it is at the goal of its newest course."""
@@ -286,14 +296,9 @@ def scene_of_logs(logs: Sequence[tuple[str, Log]]) -> Scene:
         course.take(log, name, [one for _, one in logs[:number]])
     if not course.plans:
         raise InputError([f"{logs[-1][0]}: holds no plan, so there is nothing to draw"])
-    day, speed = _time_of_day(logs[0][1], _zero(course))
+    day, speed = _time_of_day(logs[0][1], course.zero_ns())
     scene = scene_of_course(course)
     return msgspec.structs.replace(scene, notes=course.notes, day=day, speed=speed)
-
-
-def _zero(course: Course) -> int:
-    """Return the time [ns] that counts as 0: the first GO."""
-    return min(course.starts.values(), default=min(course.begins.values(), default=0))
 
 
 def _time_of_day(log: Log, zero_ns: int) -> tuple[float | None, float]:
@@ -311,7 +316,7 @@ def _time_of_day(log: Log, zero_ns: int) -> tuple[float | None, float]:
 
 def scene_of_course(course: Course) -> Scene:
     """Return the scene of what is known so far; at least one plan must be known."""
-    zero = _zero(course)
+    zero = course.zero_ns()
     documents = [document for _, document in sorted(course.plans.items())]
     others = course.sent.radii()
     others |= {name: course.radii.get(name, RADIUS) for name in sorted(course.unheard())}

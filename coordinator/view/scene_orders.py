@@ -7,6 +7,7 @@ are done.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Final
 
 from coordinator.view.scene import Order, Step
 from protocol.messages import (
@@ -17,7 +18,9 @@ from protocol.messages import (
     WAITING,
     OrderState,
 )
-from protocol.timing import SECOND
+from protocol.timing import MILLISECOND, SECOND
+
+_NEVER: Final = 2**62
 
 _OVER = (ORDER_DONE, CANCELLED, REFUSED)
 
@@ -27,6 +30,8 @@ class SaidOrders:
 
     def __init__(self) -> None:
         self._said: dict[str, list[tuple[int, OrderState]]] = {}
+        self.went_ns = _NEVER
+        """The first GO was no later than this [ns], by what was said of orders."""
 
     def take(self, state: OrderState, now_ns: int) -> bool:
         """Add what a coordinator says of an order; return whether it is news."""
@@ -34,6 +39,9 @@ class SaidOrders:
         if said and said[-1][1] == state:
             return False
         said.append((now_ns, state))
+        passed_ms = max(state.accepted_ms or 0, state.arrived_ms or 0)
+        if passed_ms:
+            self.went_ns = min(self.went_ns, now_ns - passed_ms * MILLISECOND)
         return True
 
     def forget(self, before_ns: int) -> None:
@@ -52,7 +60,7 @@ class SaidOrders:
             steps: list[Step] = []
             for at_ns, state in said:
                 t = (at_ns - zero_ns) / SECOND
-                t = max(t, steps[-1][0]) if steps else max(_known_at(state, t), 0.0)
+                t = max(t, steps[-1][0]) if steps else max(min(_known_at(state, t), t), 0.0)
                 step = _step(state, t, index)
                 if not steps or step[1:] != steps[-1][1:]:
                     steps.append(step)

@@ -32,6 +32,7 @@ pytestmark = pytest.mark.skipif(
 ANSWER = "document.getElementById('answer').textContent"
 ALARMS = "document.getElementById('alarms').innerText"
 ORDERS = "document.getElementById('orders').innerText"
+WORD = "document.getElementById('word').textContent"
 STATE = "document.getElementById('state').textContent"
 OUTLOOK = "document.getElementById('outlook').textContent"
 PHASE = "document.getElementById('phase').textContent"
@@ -313,11 +314,20 @@ def test_a_page_whose_process_is_killed_is_there_again_and_without_its_coordinat
         order_to(tab, "2, 2")
         tab.wait(f"{ORDERS}.includes('R1 arrives')")
 
+        tab.press(" ")
+        tab.wait(f"{STATE} === 'stopped: all stand'")
+        stood = tab.run("splinefleet.at(splinefleet.time).R1.s")
         os.kill(serving(coordinator), signal.SIGKILL)
         tab.wait(f"{STATE} === 'no word: robots may be driving'")
         assert json.loads(line_with(coordinator, "has ended"))["address"] == address
-        tab.wait(f"{STATE}.startsWith('running') && {ORDERS}.includes('was there')", 60.0)
+        tab.wait(f"{STATE} === 'stopped: all stand'", 60.0)
         tab.open(address)
+        tab.wait(f"{STATE} === 'stopped: all stand' && {ORDERS}.includes('once the fleet goes on')")
+        assert tab.run("splinefleet.at(splinefleet.time).R1.s") == pytest.approx(stood, abs=0.05)
+        assert tab.run(WORD) == ""
+        click(tab, "go-on")
+        tab.wait(f"{STATE}.startsWith('running: 1 driving')")
+        tab.wait(f"{ORDERS}.includes('was there')", 60.0)
         order_to(tab, "1, 1")
         tab.wait(f"{ANSWER}.includes('is taken for')")
 

@@ -3,14 +3,17 @@
 /** More alarms than these that say the same of several robots are one. */
 const ALIKE = 3;
 
-/** What an alarm says and asks for; robots' alarms with the same are alike. */
-function kindOf({ id, order, todo, is_acknowledged: seen }) {
-  return [order && id, todo, seen].join();
+/** What an alarm says and asks for: those with the same are alike, and so are refused orders. */
+function kindOf({ id, order, text, todo, is_acknowledged: seen }) {
+  return [order && !isRefused(text) && id, todo, seen].join();
 }
+
+const isRefused = (text) => text.includes(" is refused: ");
 
 function inWords(group) {
   const [{ robot, text: whole }] = group;
   if (group.length === 1) return whole;
+  if (isRefused(whole)) return `${group.length} orders are refused: ${whole.split(": ").slice(1).join(": ")}`;
   const text = whole.replace(/\. It stands.*/, "");
   const names = group.map((one) => one.robot).sort((a, b) => a.localeCompare(b, "en", { numeric: true }));
   const all = `${names.slice(0, ALIKE).join(", ")} and ${names.length - ALIKE} more`;

@@ -23,6 +23,8 @@ class Desk {
       },
     });
     this.fleet = null;
+    /** Whether a fleet that has yet to set out was stopped from here. */
+    this.isHeld = false;
     this.robots = new Map();
     /** What was asked for a robot a moment ago. */
     this.pressed = new Map();
@@ -34,7 +36,9 @@ class Desk {
     byId("space-does").textContent = "STOP: all robots brake at once";
     const on = (name, act) => byId(name).addEventListener("click", act);
     on("stop", () => this.stop());
-    on("go-on", () => this.command("go on", "POST", "resume", "the fleet goes on"));
+    on("go-on", async () => {
+      if (await this.command("go on", "POST", "resume", "the fleet goes on")) this.isHeld = false;
+    });
     on("end-mission", async () => {
       if (!window.confirm("End the mission when all robots rest? It takes no further orders.")) return;
       const found = await this.command("end", "POST", "end", "the fleet ends when all robots rest");
@@ -77,7 +81,7 @@ class Desk {
 
   async stop() {
     const found = await this.command("STOP", "POST", "freeze", "");
-    if (["hold", "freeze"].includes(found?.phase)) this.say("STOP is taken: the fleet will not set out");
+    this.isHeld = ["hold", "freeze"].includes(found?.phase);
   }
 
   /** Take in news of the fleet; only robots that have changed are in it. */
@@ -92,7 +96,10 @@ class Desk {
 
   /** Tell what the fleet does; `found`: its robots now, null if they are not shown. */
   tellState(found, isUnheard) {
-    if (mayCommand && this.fleet) tellFleet(isUnheard || !this.fleet.is_heard ? "unheard" : this.fleet.phase, found);
+    if (!mayCommand || !this.fleet) return;
+    const { phase, is_heard: isHeard } = this.fleet;
+    this.isHeld &&= ["hold", "freeze"].includes(phase);
+    tellFleet(isUnheard || !isHeard ? "unheard" : this.isHeld ? "held" : phase, found);
   }
 
   /** Robots off their paths: no proof speaks of them. */
@@ -110,6 +117,16 @@ class Desk {
   isUnheard(name) {
     const robot = this.robots.get(name);
     return Boolean(this.fleet && this.fleet.is_heard && robot && robot.age !== null && !robot.is_heard);
+  }
+
+  /** Whether a robot is yet to be heard, in a fleet that is yet to set out. */
+  isAwaited(name) {
+    return this.fleet?.phase === "hold" && (this.robots.get(name)?.age ?? null) === null;
+  }
+
+  /** Whether a robot has left the fleet. */
+  isGone(name) {
+    return Boolean(this.fleet) && this.fleet.phase !== "hold" && this.robots.size > 0 && !this.robots.has(name);
   }
 
   /** Whether a robot is heard, but has no course and no order that will give it one. */
@@ -253,7 +270,7 @@ class Desk {
     const names = this.told.names();
     for (const index of this.troubled()) {
       if (!found[index]) continue;
-      this.drawStretch(view, pen, look, this.robots.get(names[index]));
+      drawStretch(view, pen, look, this.robots.get(names[index]));
       view.ring(pen, found[index], index, look.red, 4);
     }
     this.drawAsked(view, pen, look);
@@ -261,18 +278,6 @@ class Desk {
     if (this.goal === null) return;
     this.outlook.draw(view, pen, look);
     drawTarget(view, pen, this.goal, look.ink);
-  }
-
-  /** Draw where a robot that is not heard may stand. */
-  drawStretch(view, pen, look, robot) {
-    if (!robot || robot.stretch.length < 2) return;
-    pen.strokeStyle = look.red;
-    pen.lineWidth = 5;
-    pen.globalAlpha = 0.6;
-    pen.beginPath();
-    for (const [x, y] of robot.stretch) pen.lineTo(view.X(x), view.Y(y));
-    pen.stroke();
-    pen.globalAlpha = 1;
   }
 
   /** Draw the places to which robots were sent from here, in their colours, until their orders are over. */

@@ -4,20 +4,25 @@
 const FLEET = {
   hold: ["ready, not started", "ready"], go: ["running", "runs"], stop: ["stopped", "stopped"],
   freeze: ["frozen", "stopped"], over: ["mission over", "ready"],
-  unheard: ["no word: robots may be driving", "warns"],
+  unheard: ["no word: robots may be driving", "warns"], held: ["stopped: it will not set out", "stopped"],
 };
+
+/** A fleet counts as standing when no robot has moved for this long [ms]: they creep at the end. */
+const SETTLES = 1000;
+let moved = -Infinity;
 
 /** [words, colour] of a fleet in a phase; `found`: its robots now, null if the page shows the past. */
 function fleetState(phase, found) {
   const [words, colour] = FLEET[phase] ?? ["", ""];
   if (!words || !found) return [words && `${words}; the page shows the past`, colour];
   const count = (test) => found.filter((robot) => robot && test(robot)).length;
-  const braking = count((robot) => robot.state === "brakes");
-  const driving = count((robot) => robot.state === "drives" || robot.v > STANDS);
+  const driving = count((robot) => robot.state === "brakes" || robot.v > STANDS);
+  if (driving) moved = performance.now();
   const unheard = count((robot) => robot.state === "unheard"), more = unheard ? `; ${unheard} not heard` : "";
   const moves = driving ? `${driving} driving` : "robots may start at any time";
-  if (phase === "stop" && braking) return [`braking: ${braking} still moving${more}`, "brakes"];
-  if (phase === "stop") return [`stopped: all stand${more}`, colour];
+  const braking = driving ? `${driving} still moving` : "all nearly stand";
+  if (phase === "stop" && performance.now() - moved < SETTLES) return [`braking: ${braking}${more}`, "brakes"];
+  if (phase === "stop") return [`stopped: all ${unheard ? "that are heard " : ""}stand${more}`, colour];
   return phase === "go" ? [`running: ${moves}${more}`, unheard ? "warns" : colour] : [words, colour];
 }
 
@@ -28,9 +33,9 @@ function tellFleet(phase, found) {
   update(document.body.dataset, { fleet: colour });
   const brakes = colour === "brakes";
   update(byId("go-on"), {
-    hidden: phase !== "stop",
+    hidden: phase !== "stop" && phase !== "held",
     textContent: "resume",
     title: brakes ? "Robots still brake: let them drive on at once" : "Let the fleet go on where it was stopped",
   });
-  byId("stop").setAttribute("aria-pressed", String(phase === "stop"));
+  byId("stop").setAttribute("aria-pressed", String(phase === "stop" || phase === "held"));
 }

@@ -50,7 +50,7 @@ function said(robot, bodies, why) {
   }
   const yields = robot.yields.map((one) => `${one.how} ${bodies[one.other].id}`);
   if (yields.length) return yields.join(", ");
-  return robot.state === "unheard" ? "no word, drawn at rest" : robot.state;
+  return { unheard: "no word, drawn at rest", awaited: "has not said hello" }[robot.state] ?? robot.state;
 }
 
 /** Show the terms of the plan, and the proof's verdict unless the fleet is silent. */
@@ -80,6 +80,7 @@ const TROUBLE = [
 /** What several robots do, where the word for one differs. */
 const DOING = {
   waits: "waiting", drives: "driving", brakes: "braking", stands: "standing", unheard: "not heard",
+  awaited: "not heard yet",
 };
 
 function rank(state) {
@@ -137,6 +138,7 @@ class RobotList {
       row.button.dataset.state = state;
       write(row.state, row.text);
       write(row.speed, robot && robot.v > 0.005 ? `${robot.v.toFixed(2)} m/s` : "");
+      update(this.items[index].dataset, { gone: desk.isGone(this.bodies[index].id) ? "true" : "" });
       row.bar.style.scale = robot ? `${(robot.s / robot.length).toFixed(3)} 1` : "0 1";
     });
     this.sift();
@@ -156,12 +158,12 @@ class RobotList {
     const wanted = byId("search").value.trim().toLowerCase();
     const counts = new Map();
     this.rows.forEach((row, index) => {
-      const { state } = row.button.dataset, item = this.items[index];
-      counts.set(state, (counts.get(state) || 0) + 1);
+      const { state } = row.button.dataset, item = this.items[index], isGone = Boolean(item.dataset.gone);
+      if (!isGone) counts.set(state, (counts.get(state) || 0) + 1);
       const order = this.place(index, state, troubled);
       if (item.style.order !== String(order)) item.style.order = order;
       const told = `${this.bodies[index].id} ${row.text}`.toLowerCase();
-      update(item, { hidden: !told.includes(wanted) });
+      update(item, { hidden: isGone || !told.includes(wanted) });
     });
     const told = [...counts].sort(([a], [b]) => rank(a) - rank(b))
       .map(([state, count]) => `${count} ${DOING[state] ?? state}`);

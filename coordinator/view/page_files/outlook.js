@@ -18,6 +18,18 @@ function drawTarget(view, pen, place, colour) {
   pen.stroke();
 }
 
+/** Draw where a robot that is not heard may stand. */
+function drawStretch(view, pen, look, robot) {
+  if (!robot || robot.stretch.length < 2) return;
+  pen.strokeStyle = look.red;
+  pen.lineWidth = 5;
+  pen.globalAlpha = 0.6;
+  pen.beginPath();
+  for (const [x, y] of robot.stretch) pen.lineTo(view.X(x), view.Y(y));
+  pen.stroke();
+  pen.globalAlpha = 1;
+}
+
 class Outlook {
   /**
    * `order` returns the order that is chosen, or null, `isStopped` whether the fleet is; `changed` is called

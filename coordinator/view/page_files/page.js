@@ -136,7 +136,9 @@ function show(index) {
 /** Draw everything as it is now. */
 function draw() {
   const found = play.scene.robots.map(({ id }, index) => {
+    if (following && desk.isGone(id)) return null;
     const robot = play.robot(index, now), isUnheard = following && desk.isUnheard(id);
+    if (robot && following && desk.isAwaited(id)) return { ...robot, v: 0, state: "awaited" };
     const rests = ["unheard", "arrived"].includes(robot?.state);
     if (following && rests && desk.isBack(id)) return { ...robot, state: "no course" };
     return robot && isUnheard ? { ...robot, v: 0, state: "unheard" } : robot;

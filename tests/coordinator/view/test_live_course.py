@@ -15,7 +15,17 @@ from coordinator.view.live_course import LiveCourse
 from coordinator.view.scene_plan import scene_of_plan
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import ORDER_DONE, Clock, Command, Hello, OrderState, Report, Rest
+from protocol.messages import (
+    ORDER_DONE,
+    UNDER_WAY,
+    WAITING,
+    Clock,
+    Command,
+    Hello,
+    OrderState,
+    Report,
+    Rest,
+)
 from protocol.phases import (
     BRAKING,
     CLOCK_UNSURE,
@@ -28,6 +38,7 @@ from protocol.phases import (
     MOVING,
     OFF_PATH,
     OVER,
+    STOP,
 )
 from protocol.timing import SECOND
 from tests.coordinator.findings.test_log_proof import CROSS
@@ -116,6 +127,41 @@ def test_a_freeze_is_seen_and_where_a_robot_rests():
         ("freeze", "all robots must freeze"),
         ("fault", "R1 off its path"),
     ]
+
+
+def test_who_begins_to_listen_while_a_fleet_is_stopped_sees_where_its_robots_stand():
+    """R1 was stopped at 4 s of its plan, 6 s before; its lateness grows."""
+    course = LiveCourse(FLEET, document())
+    tell_time(course, 10.0, 10.0)
+    for t in (10.0, 10.5, 11.0):
+        tell_command(course, t, STOP)
+        said = Report(1, round(10 * t), 1, MOVING, 0, None, round(1000 * t), round(20 * (t - 4.0)))
+        course.hear(keys.report(FLEET, "R1"), encode(said), OURS + t)
+    assert course.clock(OURS + 11.0).now == pytest.approx(11.0, abs=1e-3)
+    scene = course.scene()
+    assert [(stop.since, stop.until) for stop in scene.epochs[0].stops] == [(10.0, None)]
+    assert scene.epochs[0].started
+    revision, knots = course.late().passed["R1"]
+    assert revision == 0
+    assert knots[-1] == (pytest.approx(11.0, abs=0.01), pytest.approx(4.0, abs=0.06))
+
+
+def test_an_order_is_known_when_it_is_heard_whenever_the_first_go_was():
+    """The plan was put off by 30 s before we listened: orders count from the first GO."""
+    course = LiveCourse(FLEET, document())
+    tell_time(course, 5.0, 5.0)
+    tell_command(course, 5.0, GO)
+    for state in (
+        OrderState("a", UNDER_WAY, "R1", released_ms=34_000, accepted_ms=34_500),
+        OrderState("b", WAITING, "R2", released_ms=35_100),
+    ):
+        course.hear(keys.orders(FLEET, state.id), encode(state), OURS + 5.0)
+    now = course.clock(OURS + 5.0).now
+    assert now == pytest.approx(34.5, abs=1e-3)
+    orders = {one.id: one.steps for one in course.scene().orders}
+    assert orders["a"][0][0] == pytest.approx(34.5, abs=1e-3)
+    assert orders["b"][0][0] == pytest.approx(now, abs=1e-3)
+    assert course.scene().epochs[0].start == pytest.approx(29.5, abs=1e-3)
 
 
 def test_the_fleets_time_is_told_even_when_it_runs_faster():
