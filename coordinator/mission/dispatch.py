@@ -285,8 +285,9 @@ class Dispatcher:
         if robot is None and asked.leaves:
             self._fleet.grants.ends.go_on(request.robot)
         if robot is not None and asked.ways is None:
+            wanted = asked.wish.robot if answer.reason else robot  # It rests, and is to go on.
             known = self.robots[request.robot]
-            self.robots[request.robot] = replace(known, goal=robot.goal, via=robot.via)
+            self.robots[request.robot] = replace(known, goal=wanted.goal, via=wanted.via)
         return robot
 
     def _commit(

@@ -102,11 +102,11 @@ def test_robots_that_a_lost_or_closed_in_one_would_have_to_pass_first_are_sent_a
     assert (outcome.violations, outcome.over) == ((), True)
 
 
-@pytest.mark.parametrize("seed", [43240, 40156, 43208, 43379, 44004, 54356])
+@pytest.mark.parametrize("seed", [43240, 40156, 43208, 43379, 44004, 54356, 51520])
 def test_robots_that_fail_again_after_they_were_sent_on_leave_everybody_a_way(seed):
     """One is lost before it begins its next course, one stops beside the path of a lost one, one is
     cut off while it is sent a course, one slides off its goal, one stalls before its next course,
-    one has to turn back at a place to pass.
+    one has to turn back at a place to pass, one rests without a way and makes room later.
     """
     outcome = run_seed(floor(floor_of(seed)), seed)
     assert (outcome.violations, outcome.over) == ((), True)
