@@ -170,6 +170,15 @@ class GrantedCourses(Granted):
             elif joins and (message.state == CANCELLED or is_refused):
                 self._take_out(joins)
 
+    def go_on_from(self, before: GrantedCourses | None) -> None:
+        """Take in who was to join in the epoch before, and had no course there."""
+        if before is None or before is self:
+            return
+        for robot in before.joining:
+            self.join(robot)
+            self._radius.setdefault(robot, before._radius[robot])
+            self._limits.setdefault(robot, before._limits[robot])
+
     def _take_out(self, robot: str) -> None:
         """Take in that a robot has left the fleet; when it joins again, it may be another one."""
         self.leave(robot)

@@ -129,6 +129,7 @@ def take_messages(
                 epoch.take_report(place[2], message)
         elif isinstance(message, Command) and str(message.boot) == boot:
             if epoch is not None:
+                epoch.go_on_from(newest)
                 newest = epoch
                 epoch.take_command(message)
                 watch(message, epoch, record.log_ns)

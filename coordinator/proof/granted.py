@@ -100,7 +100,9 @@ class Granted:
         self._left: dict[int, str] = {}
         """By the number of its course: robots that have left the fleet."""
 
-        self._joining: set[str] = set()
+        self.joining: set[str] = set()
+        """Robots that may get their first course while the fleet drives."""
+
         self._names = [*self._robots, *self._robots]
         """The robot of each slot."""
 
@@ -110,11 +112,11 @@ class Granted:
     def join(self, robot: str) -> None:
         """Take in that a robot may get its first course while the fleet drives."""
         if robot not in self._now:
-            self._joining.add(robot)
+            self.joining.add(robot)
 
     def leave(self, robot: str) -> None:
         """Take in that a robot is not on the floor any more: nobody has to wait for it."""
-        self._joining.discard(robot)
+        self.joining.discard(robot)
         for one in (self._now.pop(robot, None), self._next.pop(robot, None)):
             if one is not None:
                 self._passed[one.slot], self._at_goal[one.slot] = np.inf, True
@@ -135,7 +137,7 @@ class Granted:
             is_free = coming is None or coming.is_withdrawn
             if is_free and plan.revision > (coming or mine).revision:
                 return False  # One that was withdrawn before it was sent is not in the log.
-        if known is None and robot in self._joining and plan.revision == 0:
+        if known is None and robot in self.joining and plan.revision == 0:
             return False
         message = encode(msgspec.structs.replace(plan, boot=0))
         if known is None or (message, robot) != (known.message, known.robot):
@@ -169,7 +171,7 @@ class Granted:
         course = _Known(robot, plan.revision, plan.begin_ms, message, slot, other, shared_ms)
         self._courses[plan.number] = course
         (self._now if now is None else self._next)[robot] = course
-        self._joining.discard(robot)
+        self.joining.discard(robot)
         self._staircases.put(slot, staircases, [slot, *(self._slot_of(*one) for one in near)])
         self._skipped.extend(range(self._newest + 1, plan.number))
         self._newest = max(self._newest, plan.number)

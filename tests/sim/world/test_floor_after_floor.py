@@ -208,3 +208,21 @@ def test_a_leave_that_is_said_again_does_not_take_out_who_has_joined_since():
     say(Leave(6, "R3"))
     world.run(0.2)
     assert "R3" not in world.fleet.members
+
+
+def test_a_robot_that_was_to_join_before_a_change_of_floor_joins_after_it(tmp_path):
+    logs = RunLogs(tmp_path)
+    world, scenario, say = sent_off(logs)
+    say(Join(5, "R7", (6.0, 5.0, 0.0), 0.2, 0.8))
+    world.run(0.02)
+    change_floor(world, scenario)
+    world.run(5.0)
+    world.add("R7", 0.2, 0.8, 77)
+    world.run(40.0)
+    assert states(world)["join-R7"] == ORDER_DONE
+    say(Tell(9, END))
+    world.run(30.0)
+    logs.close()
+    log = read_log(logs.paths[-1])
+    assert world.fleet.epoch == 2
+    assert prove_log(log, before=logs_before(log)).holds
