@@ -109,8 +109,17 @@ class Carry(NamedTuple):
     pose: _Pose
 
 
+class NewFloor(NamedTuple):
+    """The floor has these obstacles when the coordinator is started again next."""
+
+    obstacles: tuple[tuple[_Place, ...], ...]
+
+
+_APART: Final = 1.6
+"""A box is put on the floor only so far [m] from robots and their starts."""
+
 Said: TypeAlias = Order | Cancel | Block | Unblock | Tell | Join | Leave | Admission
-Act: TypeAlias = Said | Carry | Fault
+Act: TypeAlias = Said | Carry | NewFloor | Fault
 Script: TypeAlias = list[tuple[float, Act]]
 """Acts and when they happen [s since the first GO]."""
 
@@ -175,6 +184,38 @@ def _join_of(robot: Robot, pose: _Pose) -> Join:
     accel = 0.0 if math.isinf(robot.max_accel) else robot.max_accel
     turn_radius = robot.min_turn_radius
     return Join(9, robot.id, pose, robot.radius, robot.max_speed, accel, turn_radius)
+
+
+class Floors:
+    """Draws floors that change, and more coordinators that are started again for that."""
+
+    def __init__(self, dice: Random, world: World, scenario: Scenario) -> None:
+        self._dice, self._world, self._scenario = dice, world, scenario
+        self._often = dice.choice((0.0, 0.003, 0.01))
+        """How often a coordinator is started again, per look."""
+
+    def with_new(self, acts: list[Act], now: float, until: float) -> list[Act]:
+        """Return these acts at a time [s since the first GO], and those that are drawn beside."""
+        if now < until and self._dice.random() < self._often:
+            away = self._dice.choice((0.02, 0.2, 1.0, 3.0))
+            acts = [*acts, Fault("coordinator-restart", "", round(now, 2), away)]
+        if any(isinstance(one, Fault) and one.kind == "coordinator-restart" for one in acts):
+            acts = [*self._new(), *acts]
+        return acts
+
+    def _new(self) -> list[Act]:
+        """Return a floor half of the time: the scenario's, or with a box that is near nobody."""
+        if self._dice.random() < 0.5:
+            return []
+        floor = self._scenario.workspace
+        obstacles = tuple(tuple(one) for one in floor.obstacles)
+        width, height = floor.boundary[2]
+        place, size = _spot(self._dice, width, height), self._dice.choice((0.1, 0.3))
+        near = [(robot.body.x, robot.body.y) for robot in self._world.robots.values()]
+        near += [robot.start[:2] for robot in self._scenario.robots]
+        if all(math.dist(place, one) > _APART for one in near):
+            obstacles = (*obstacles, _box(*place, size, size))
+        return [NewFloor(obstacles)]
 
 
 class Adversary:

@@ -7,6 +7,8 @@ one in its place, and the fleet ends with every order done, cancelled or refused
 
 `python -m benchmarks.operator_campaign --count 500 --kept FILE` runs seeds; of one that fails it
 prints what was said and struck.  `--shrink SEED` prints the few of these acts that are enough.
+With `--floors` coordinators are started again more often, half of the time on a floor that has
+changed.
 Decides: how acts are carried out, and what a run is judged by.  Must not know: what is drawn, and
 how courses are found.
 """
@@ -23,8 +25,19 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 
+from msgspec.structs import replace
+
 from benchmarks.campaign import in_turn, parser_of, record
-from benchmarks.operator_acts import Act, Admission, Adversary, Carry, Script, hall
+from benchmarks.operator_acts import (
+    Act,
+    Admission,
+    Adversary,
+    Carry,
+    Floors,
+    NewFloor,
+    Script,
+    hall,
+)
 from benchmarks.table import Row
 from coordinator.findings.log_proof import prove_log
 from coordinator.log.log_file import logs_before, read_log
@@ -85,10 +98,13 @@ class Result(NamedTuple):
 class Trial:
     """One run: the world of a seed, its operators, and when each robot was on the floor.
 
-    With a `script` these acts happen, and otherwise what an adversary draws.
+    With a `script` these acts happen, and otherwise what an adversary draws; `floors`: it draws
+    floors that change, too.
     """
 
-    def __init__(self, seed: int, logs: RunLogs, script: Script | None = None) -> None:
+    def __init__(
+        self, seed: int, logs: RunLogs, script: Script | None = None, *, floors: bool = False
+    ) -> None:
         dice = Random(f"operators {seed}")
         self.scenario = hall(dice)
         self.world = World(
@@ -108,6 +124,9 @@ class Trial:
 
         self._coming = None if script is None else list(script)
         self._adversary = Adversary(dice, self.world, self.scenario)
+        self._floors = (
+            Floors(Random(f"floors {seed}"), self.world, self.scenario) if floors else None
+        )
         self._session = self.world._network.session("operator")
         self._joins: set[str] = set()
 
@@ -143,7 +162,8 @@ class Trial:
 
     def _due(self) -> list[Act]:
         if self._coming is None:
-            return self._adversary.due(self.now, self.now < LASTS)
+            acts = self._adversary.due(self.now, self.now < LASTS)
+            return acts if self._floors is None else self._floors.with_new(acts, self.now, LASTS)
         acts = [act for time, act in self._coming if time <= self.now]
         del self._coming[: len(acts)]
         return acts
@@ -152,6 +172,9 @@ class Trial:
         world = self.world
         if isinstance(act, Fault):
             world.strike(act)
+        elif isinstance(act, NewFloor):
+            floor = replace(self.scenario.workspace, obstacles=act.obstacles)
+            world.coordinator.next_scenario = replace(self.scenario, workspace=floor)
         elif isinstance(act, Carry):
             member = world.fleet.members.get(act.robot)
             is_down = member is not None and member.gone and world.robots[act.robot].dead
@@ -263,11 +286,13 @@ def _touches(trial: Trial) -> Iterator[str]:
                     yield f"touch: {a}, {b} at {time:.2f} s: {near:.4f} m, need {needs:.3f} m"
 
 
-def _run(seed: int, is_proven: bool, script: Script | None = None) -> tuple[Trial, list[str]]:
+def _run(
+    seed: int, is_proven: bool, script: Script | None = None, *, floors: bool = False
+) -> tuple[Trial, list[str]]:
     """Run a seed, or other acts in its hall; return the run and what was wrong with it."""
     with TemporaryDirectory() as folder:
         logs = RunLogs(Path(folder))
-        trial = Trial(seed, logs, script)
+        trial = Trial(seed, logs, script, floors=floors)
         try:
             trial.run()
             logs.close()
@@ -276,9 +301,9 @@ def _run(seed: int, is_proven: bool, script: Script | None = None) -> tuple[Tria
             return trial, [f"crash: {type(error).__name__}: {error}"]
 
 
-def run_seed(seed: int, prove_each: int = 4) -> Result:
+def run_seed(seed: int, prove_each: int = 4, *, floors: bool = False) -> Result:
     """Run one seed; its logs are replayed and proven if it is a multiple of `prove_each`."""
-    trial, problems = _run(seed, seed % prove_each == 0)
+    trial, problems = _run(seed, seed % prove_each == 0, floors=floors)
     script = tuple(_text(one) for one in trial.script) if problems else ()
     told = [one.text for one in trial.world.fleet.incidents]
     return Result(
@@ -303,9 +328,9 @@ def shrunk(script: Script, fails: Callable[[Script], bool]) -> Script:
     return script
 
 
-def shrink(seed: int) -> list[str]:
+def shrink(seed: int, *, floors: bool = False) -> list[str]:
     """Return what is wrong with a seed, and the few acts that are enough for that."""
-    trial, problems = _run(seed, True)
+    trial, problems = _run(seed, True, floors=floors)
     kinds = {problem.split(":")[0] for problem in problems}
     is_proven = not kinds.isdisjoint(("proof", "replay"))
 
@@ -328,12 +353,16 @@ def main() -> None:
         "--prove-each", type=int, default=4, help="prove the logs of every Nth seed"
     )
     parser.add_argument("--shrink", type=int, metavar="SEED", help="find the fewest acts that fail")
+    parser.add_argument("--floors", action="store_true", help="change floors, too")
     asked = parser.parse_args()
     if asked.shrink is not None:
-        sys.stdout.write("\n".join(shrink(asked.shrink)) + "\n")
+        sys.stdout.write("\n".join(shrink(asked.shrink, floors=asked.floors)) + "\n")
         return
     seeds = range(asked.from_seed, asked.from_seed + asked.count)
-    results = in_turn(partial(run_seed, prove_each=asked.prove_each), seeds, asked.jobs, asked.kept)
+    run = partial(run_seed, prove_each=asked.prove_each)
+    if asked.floors:
+        run = partial(run, floors=True)
+    results = in_turn(run, seeds, asked.jobs, asked.kept)
     bad = [one for one in results if one.problems]
     total: Row = {
         "runs": len(results),

@@ -22,6 +22,13 @@ def test_seeds_end_without_a_touch_and_their_logs_are_proven():
         assert result.script == ()
 
 
+def test_seeds_on_floors_that_change_end_without_a_touch_and_their_logs_are_proven():
+    result = run_seed(103, prove_each=1, floors=True)
+    assert result.problems == ()
+    assert result.given_up > 0
+    assert result.resumed > 0
+
+
 LOST_BEFORE_ITS_COURSE_WAS_SENT = [
     (9.2, Order(9, "o6", (9.68, 7.17), "R3")),
     (9.9, Order(9, "o8", (9.34, 5.53), "R4")),

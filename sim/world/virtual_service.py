@@ -95,6 +95,9 @@ class VirtualService:
         self._authority = authority
         self._checkpoint_bytes = checkpoint_bytes
         self._before: bytes | None = None
+        self.next_scenario: Scenario | None = None
+        """With the floor on which the next coordinator finds itself, if that has changed."""
+
         self._session: MemorySession | None = None
         self._drive(mission)
 
@@ -169,6 +172,7 @@ class VirtualService:
         """Resume from the log, with the next boot id, on a scenario's floor if one is given."""
         if self._logs is None or self._before is None:
             return
+        scenario, self.next_scenario = scenario or self.next_scenario, None
         boot, now_ns = (self.fleet.boot + 1) % 2**32, self._clock()
         log = log_from_bytes(self._before, "the log before")
         self._drive(go_on(log, boot, now_ns, scenario))
