@@ -34,6 +34,7 @@ ALARMS = "document.getElementById('alarms').innerText"
 ORDERS = "document.getElementById('orders').innerText"
 WORD = "document.getElementById('word').textContent"
 STATE = "document.getElementById('state').textContent"
+PLACE = "(({ x, y }) => [x, y])(splinefleet.at(splinefleet.time).R1)"
 OUTLOOK = "document.getElementById('outlook').textContent"
 PHASE = "document.getElementById('phase').textContent"
 STATES = "Object.values(splinefleet.at(splinefleet.time)).map(robot => robot.state).join()"
@@ -314,16 +315,17 @@ def test_a_page_whose_process_is_killed_is_there_again_and_without_its_coordinat
         order_to(tab, "2, 2")
         tab.wait(f"{ORDERS}.includes('R1 arrives')")
 
+        tab.wait("splinefleet.at(splinefleet.time).R1.v > 0.2")
         tab.press(" ")
         tab.wait(f"{STATE} === 'stopped: all stand'")
-        stood = tab.run("splinefleet.at(splinefleet.time).R1.s")
+        stood = tab.run(PLACE)
         os.kill(serving(coordinator), signal.SIGKILL)
         tab.wait(f"{STATE} === 'no word: robots may be driving'")
         assert json.loads(line_with(coordinator, "has ended"))["address"] == address
         tab.wait(f"{STATE} === 'stopped: all stand'", 60.0)
         tab.open(address)
         tab.wait(f"{STATE} === 'stopped: all stand' && {ORDERS}.includes('once the fleet goes on')")
-        assert tab.run("splinefleet.at(splinefleet.time).R1.s") == pytest.approx(stood, abs=0.05)
+        assert tab.run(PLACE) == pytest.approx(stood, abs=0.05)
         assert tab.run(WORD) == ""
         click(tab, "go-on")
         tab.wait(f"{STATE}.startsWith('running: 1 driving')")

@@ -1,10 +1,9 @@
 // Places of the floor that are closed: which there are, closing one, and opening it again.
 
 class ClosedPlaces {
-  /** `changed` is called when the floor looks otherwise. */
-  constructor(list, changed) {
-    this.list = list;
-    this.changed = changed;
+  /** `changed` is called when the floor looks otherwise, `say` with what has been done, in words. */
+  constructor(list, changed, say) {
+    Object.assign(this, { list, changed, say });
     this.blocks = [];
     this.names = null;
   }
@@ -23,19 +22,22 @@ class ClosedPlaces {
     this.blocks = found;
     this.list.replaceChildren(...found.map((one) => {
       const open = element("button", { type: "button", textContent: "open again" });
-      open.addEventListener("click", () => ask("DELETE", `blocks/${one.id}`));
+      open.addEventListener("click", async () => {
+        if (await ask("DELETE", `blocks/${one.id}`)) this.say(`${one.id} is open again`);
+      });
       const text = element("span", { textContent: `${one.id} is closed` });
       return element("li", {}, text, ...mayCommand ? [open] : []);
     }));
     this.changed();
   }
 
-  /** Close a square of 1 m around a place; `done` gets the answer in words. */
-  async close([x, y], done) {
+  /** Close a square of 1 m around a place; return whether it is closed. */
+  async close([x, y]) {
     const corner = (dx, dy) => [x + dx, y + dy];
     const polygon = [corner(-0.5, -0.5), corner(0.5, -0.5), corner(0.5, 0.5), corner(-0.5, 0.5)];
     const found = await ask("POST", "blocks", { polygon });
-    if (found !== null) done(`${found.id} is closed`);
+    if (found !== null) this.say(`${found.id} is closed`);
+    return found !== null;
   }
 
   draw(view, pen, look) {

@@ -13,7 +13,7 @@ class Desk {
     this.goal = null;
     /** The orders that were sent from here and are not over, each with its id; null until that is known. */
     this.asked = new Map();
-    this.closed = new ClosedPlaces(byId("blocks"), told.changed);
+    this.closed = new ClosedPlaces(byId("blocks"), told.changed, (text) => this.say(text));
     this.alarms = new AlarmList(byId("alarms"), {
       acts: (name) => this.acts(name),
       buttons: (name, acts) => this.buttons(name, acts),
@@ -46,7 +46,7 @@ class Desk {
     });
     on("close-place", async () => {
       if (this.goal === null) this.say("click a place on the floor first", true);
-      else await this.closed.close(this.goal, (text) => { this.say(text); this.clear(); });
+      else if (await this.closed.close(this.goal)) this.clear();
     });
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -55,10 +55,10 @@ class Desk {
     byId("order-place").addEventListener("input", () => this.readGoal());
     byId("order-robot").addEventListener("change", () => {
       this.told.choose(this.told.names().indexOf(this.whose()));
-      this.outlook.look();
+      this.readGoal();
     });
     for (const name of ["order-dwell", "order-priority", "order-now"]) {
-      byId(name).addEventListener("input", () => this.outlook.look());
+      byId(name).addEventListener("input", () => this.readGoal());
     }
   }
 
@@ -188,7 +188,7 @@ class Desk {
     const name = this.told.names()[index] ?? "";
     byId("order-robot").value = name;
     this.tellActs();
-    this.outlook.look();
+    this.readGoal();
   }
 
   whose() {
@@ -207,8 +207,10 @@ class Desk {
     const numbers = byId("order-place").value.split(/[\s,;]+/).filter(Boolean).map(Number);
     const fits = [2, 3].includes(numbers.length) && numbers.every(Number.isFinite);
     this.goal = fits ? numbers : null;
-    byId("order-send").disabled = !fits;
-    byId("needs").hidden = fits;
+    const isNobodys = byId("order-now").checked && !this.whose();
+    byId("order-send").disabled = !fits || isNobodys;
+    write(byId("needs"), isNobodys ? "choose whom to redirect" : "click a place first");
+    byId("needs").hidden = fits && !isNobodys;
     this.outlook.look();
     this.told.changed();
   }
