@@ -196,7 +196,9 @@ def _script(tab: Tab, fleet: Fleet, pictures: Path) -> Row:
         place = f"(({{ x, y, heading }}) => [x, y, heading])({_STATES}.{dead})"
         fleet.agents[dead] = fleet.start(dead, "--at", *map(str, tab.run(place)))
     _wait_for_robot(fleet, dead)
-    tab.wait(f"!{lost}")  # The page is laid out anew when the alarm is over.
+    tab.wait(f"!{lost}")  # The page is laid out anew when one alarm is over and the next one comes.
+    tab.wait(f"document.body.innerText.includes('{dead} is back')", _PATIENCE_S)
+    tab.settle()
     tab.run(f"document.getElementById('order-robot').value = '{dead}'")
     tab.run("document.getElementById('order-robot').dispatchEvent(new Event('change'))")
     act("admit", "[data-act=admit]:not([disabled])", f"/{dead} goes|, GO$/.test({_ANSWER})", 30.0)
