@@ -291,7 +291,7 @@ class LiveCourse:
         return True
 
     def _return(self, robot: str, what: str, now: float) -> None:
-        self._course.returns.append((self._now_ns(now), robot, what))
+        self._course.news.append((self._now_ns(now), robot, f"{robot} {what}", "go"))
 
     def _take_report(self, report: Report, robot: str, now: float) -> bool:
         course, now_ns = self._course, self._now_ns(now)

@@ -110,11 +110,8 @@ class Course:
         self._drawn: dict[int, _Drawn] = {}
         self.told: dict[int, tuple[Standing, ...]] = {}
         self.faults: list[tuple[int, FaultSummary]] = []
-        self.returns: list[tuple[int, str, str]] = []
-        """Robots that were lost and are heard or admitted again, or taken out: when, who, what."""
-
-        self.around: list[tuple[int, str]] = []
-        """Robots that others are sent around, and from when on."""
+        self.news: list[tuple[int, str, str, str]] = []
+        """What became of robots that were lost: when, who, what in words, the kind of its mark."""
 
         self.notes: list[str] = []
         self.held: list[Hold] = []
@@ -260,7 +257,7 @@ class Course:
                 self.told[request.epoch] = request.told
             return
         if is_around_key(record.key) and (robot := around_robot(record.payload)) is not None:
-            self.around.append((now_ns, robot))
+            self.news.append((now_ns, robot, f"others go around {robot}", "late"))
             return
         place = keys.split(record.key)
         if place is None or place[0] != fleet:
@@ -509,11 +506,11 @@ def _marks(
     marks += [
         Mark(
             t=round((at - zero) * _NS, 3),
-            kind="go",
-            text=f"{robot} {what}",
+            kind=kind,
+            text=text,
             robot=number_of(robot),
         )
-        for at, robot, what in course.returns
+        for at, robot, text, kind in course.news
     ]
     marks += [
         Mark(
@@ -524,15 +521,6 @@ def _marks(
         )
         for hold in course.held
         if (course.last if hold.until_ns is None else hold.until_ns) - hold.since_ns >= _LONG
-    ]
-    marks += [
-        Mark(
-            t=round((at - zero) * _NS, 3),
-            kind="late",
-            text=f"others go around {robot}",
-            robot=number_of(robot),
-        )
-        for at, robot in course.around
     ]
     if course.over is not None:
         marks.append(Mark(t=round((course.over - zero) * _NS, 3), kind="over", text="over"))
