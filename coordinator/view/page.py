@@ -42,6 +42,7 @@ _SCRIPTS: Final = (
 )
 _COMMENTS: Final = re.compile(r"^[ \t]*(?://[^\n]*|/\*.*?\*/[ \t]*)\n", re.MULTILINE | re.DOTALL)
 _INDENT: Final = re.compile(r"^[ \t]+", re.MULTILINE)
+_STYLE_SPACE: Final = re.compile(r"(?<=[:;,{]) ")
 _POLICY: Final = (
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; "
     "connect-src {connect}"
@@ -58,7 +59,7 @@ def page_of(scene: Scene, live: bool = False, *, may_command: bool = False) -> s
         "policy": _POLICY.format(connect="'self'" if live else "'none'"),
         "live": "true" if live else "false",
         "command": "true" if live and may_command else "false",
-        "style": _part("page.css"),
+        "style": _STYLE_SPACE.sub("", _part("page.css")),
         "scene": scene_json(scene).replace("<", "\\u003c"),
         "script": "\n".join(_part(name) for name in _SCRIPTS),
     }
@@ -75,6 +76,5 @@ def scene_json(scene: Scene) -> str:
 
 
 def _part(name: str) -> str:
-    """Return a part; scripts and styles without their indentation, and comments on their own."""
-    text = (_PARTS / name).read_text(encoding="utf-8")
-    return text if name.endswith(".html") else _INDENT.sub("", _COMMENTS.sub("", text))
+    """Return a part without its indentation and without comments that have lines of their own."""
+    return _INDENT.sub("", _COMMENTS.sub("", (_PARTS / name).read_text(encoding="utf-8")))

@@ -94,7 +94,7 @@ def test_nothing_in_the_data_ends_the_script_or_becomes_an_element():
 
 def test_the_page_of_the_paper_is_far_below_a_megabyte():
     page = page_of(scene())
-    assert len(page.encode()) < 125_000
+    assert len(page.encode()) < 120_000
     assert len(page_of(scene(robots=[], epochs=[])).encode()) < 120_000
 
 
