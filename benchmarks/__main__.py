@@ -22,7 +22,6 @@ from benchmarks.curves import curves
 from benchmarks.desk import desk
 from benchmarks.disturbance import disturbance
 from benchmarks.explore import explore
-from benchmarks.explore import main as explore_as_told
 from benchmarks.firmware import c_fleets, comparison, instructions, native_module, sizes
 from benchmarks.flood import flood
 from benchmarks.flow import circles, flow
@@ -102,8 +101,6 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
 
 def main() -> None:
     """Run the parts named on the command line, print their tables and write the results."""
-    if sys.argv[1:2] == ["explore"] and len(sys.argv) > 2:
-        sys.exit(explore_as_told(sys.argv[2:]))
     chosen = sys.argv[1:] or list(PARTS)
     unknown = [name for name in chosen if name not in PARTS]
     if unknown:

@@ -105,8 +105,11 @@ class Checks:
     def _robot(self, world: World, robot: Robot, slots: dict[int, Sent]) -> None:
         agent, rule = robot.agent, world.fleet.grants._rule
         ride, coming = agent.ride, agent._coming
+        is_older = agent.epoch != world.fleet.epoch
+        if is_older:
+            slots = {}  # Courses are numbered anew in each epoch.
         for one, number in ((ride, agent.number), (coming, agent.next_number)):
-            if one is None:
+            if one is None or is_older:
                 continue
             told_ms = round(1000.0 * one._told)
             if told_ms > world.log.ahead_ms:
@@ -129,9 +132,12 @@ class Checks:
             self._place(robot, ride, slots.get(agent.number), rule)
 
     def _place(self, robot: Robot, ride: Ride, sent: Sent | None, rule: Any) -> None:
-        """Compare where a robot is with its authority, and with what is known of its progress."""
+        """Compare where a robot is with its authority, and with what is known of its progress.
+
+        One that rested beside a path's start, within its tolerance, is as far along as it is off.
+        """
         s, line = ride.follower.s, ride._timeline
-        if s + robot.moved > line.s_at(ride._told) + ALONG and s > ALONG:
+        if s + robot.moved > line.s_at(ride._told) + ALONG + ride.follower.off and s > ALONG:
             raise BrokenError(f"{robot.name} has passed its authority")
         if sent is None or sent.course is None or rule.progress[sent.slot] >= EVER_MS:
             return
@@ -161,6 +167,8 @@ class Checks:
                     found[one.slot] = max(float(grants._rule.granted[one.slot]), one.begin_ms)
         for robot in world.robots:
             agent = robot.agent
+            if agent.epoch != world.fleet.epoch:
+                continue
             for ride, number in (
                 (agent.ride, agent.number),
                 (agent._coming, agent.next_number),

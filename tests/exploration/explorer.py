@@ -3,6 +3,9 @@
 States that are the same at the same time are one state; one that was visited with as many faults
 left is not visited again.  Where a check fails, the faults that led there are told.
 
+A search can be made in parts, by when the first fault falls and which it is; what parts have in
+common is then visited by each.
+
 Decides: which states are visited, and how often it is looked whether the fleet can still end.
 """
 
@@ -12,11 +15,12 @@ import time
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import cache
-from itertools import combinations
-from typing import Final
+from itertools import combinations, islice
+from typing import Final, NamedTuple
 
-from coordinator.mission.mission import Mission
-from coordinator.plan.wire import packed
+from msgspec.structs import replace
+
+from coordinator.plan.wire import PackedPlan, packed
 from coordinator.planning.planner import plan_fleet
 from coordinator.scenario.model import Scenario
 from protocol.messages import Order
@@ -36,15 +40,31 @@ PATIENCE: Final = 900
 """A fleet without further faults ends within so many steps."""
 
 ENDS_EVERY: Final = 2_000
-"""Of so many states visited, from one it is looked whether the fleet can still end."""
+"""Of so many states visited, by their digests, from one it is looked whether the fleet can still
+end."""
+
+MERGED_EVERY: Final = 3
+"""A run without faults left is compared with those visited every so many steps: a comparison takes
+as long as two steps."""
 
 Way = tuple[tuple[int, Fault], ...]
 """The steps and the faults that led to a state."""
 
+State = tuple[World, Marks, int, Way]
+"""A state, its marks, how many faults are left, and what led to it."""
+
+
+class Part(NamedTuple):
+    """The runs whose first faults fall in one step, every `pieces`-th of what can happen there."""
+
+    step: int
+    piece: int = 0
+    pieces: int = 1
+
 
 @dataclass
 class Found:
-    """What was found: new states, steps made, how deep, runs to the end, and what broke, how."""
+    """States visited, steps made, how deep, runs to the end, what broke, and what led to it."""
 
     states: int = 0
     steps: int = 0
@@ -69,19 +89,20 @@ def scenario_of(robots: int) -> Scenario:
 
 
 @cache
-def _plan_of(robots: int):
-    return plan_fleet(scenario_of(robots))
+def _plan_of(robots: int) -> PackedPlan:
+    return packed(plan_fleet(scenario_of(robots)).document)
 
 
 def world_of(robots: int) -> World:
-    """Return a fleet that has not begun, with an order that may come: R1 is to go elsewhere."""
+    """Return a fleet that has not begun, with an order that may come: R1 is to go elsewhere.
+
+    On the other floor there is an obstacle beside the ways.
+    """
     scenario = scenario_of(robots)
-    mission = Mission.of_plan(scenario, packed(_plan_of(robots).document), 7, _no_planner)
-    return World(mission, Order(9, "elsewhere", (4.0, 1.0), robot="R1", now=True))
-
-
-def _no_planner(_scenario: object, _epoch: int):
-    raise AssertionError("no later epoch is planned here")
+    corner = ((4.6, 0.2), (5.3, 0.2), (5.3, 0.9), (4.6, 0.9))
+    other_floor = replace(scenario.workspace, obstacles=(corner,))
+    redirected = Order(9, "elsewhere", (4.0, 1.0), robot="R1", now=True)
+    return World(scenario, _plan_of(robots), redirected, other_floor)
 
 
 class Explorer:
@@ -95,53 +116,80 @@ class Explorer:
         self._digests = Digests(LEFT_OUT)
         self._visited: dict[bytes, int] = {}
 
-    def explore(self, depth: int, seconds: float = float("inf")) -> Found:
+    def explore(self, depth: int, seconds: float = float("inf"), part: Part | None = None) -> Found:
         """Visit all states up to so many steps, or as many as there is time [s] of the CPU for."""
         found, began = self.found, time.process_time()
         try:
-            self._visit_all(depth, began + seconds)
+            self._visit_all(self._begun(part), depth, began + seconds)
         except BrokenError as error:
             found.broken, found.is_complete = str(error), False
         found.states, found.seconds = len(self._visited), time.process_time() - began
         return found
 
-    def _visit_all(self, depth: int, until: float) -> None:
-        found = self.found
-        first = self._world, marks_of(self._world), self._faults, ()
-        pending: list[Iterator[tuple[World, Marks, int, Way]]] = [iter([first])]
+    def _begun(self, part: Part | None) -> Iterator[State]:
+        """Yield the states from which a part of the search begins, or all of it."""
+        state = self._world, marks_of(self._world), self._faults, ()
+        if part is None:
+            yield state
+            return
+        for _ in range(part.step - 1):
+            state = next(self._after(*state))
+        yield from islice(self._after(*state, least=1), part.piece, None, part.pieces)
+
+    def _visit_all(self, root: Iterator[State], depth: int, until: float) -> None:
+        pending = [root]
         while pending:
             if time.process_time() > until:
-                found.is_complete = False
+                self.found.is_complete = False
                 return
             state = next(pending[-1], None)
             if state is None:
                 pending.pop()
+            elif self._is_visited(state):
                 continue
-            world, _, left, _ = state
-            digest = self._digests.of(world)
-            if self._visited.get(digest, -1) >= left:
-                continue
-            is_new = digest not in self._visited
-            self._visited[digest] = left
-            found.deepest = max(found.deepest, world.step_number)
-            if is_new and len(self._visited) % ENDS_EVERY == 0:
-                self._must_end(world, state[3])
-            if world.step_number < depth and not world.fleet.is_finished:
+            elif state[2] == 0:
+                self._drive_on(state, depth)
+            elif self._goes_on(state[0], depth):
                 pending.append(self._after(*state))
 
+    def _is_visited(self, state: State) -> bool:
+        """Return whether a state was visited with as many faults left; visit it."""
+        world, _, left, way = state
+        digest = self._digests.of(world)
+        if self._visited.get(digest, -1) >= left:
+            return True
+        is_new = digest not in self._visited
+        self._visited[digest] = left
+        self.found.deepest = max(self.found.deepest, world.step_number)
+        if is_new and int.from_bytes(digest[:4], "big") % ENDS_EVERY == 0:
+            self._must_end(world, way)
+        return False
+
+    def _drive_on(self, state: State, depth: int) -> None:
+        """Make the only run there is from a state with no faults left, until it joins another."""
+        world, marks, left, way = state
+        while self._goes_on(world, depth):
+            self._step(world, marks, way)
+            marks = marks_of(world)
+            is_compared = world.step_number % MERGED_EVERY == 0 or not self._goes_on(world, depth)
+            if is_compared and self._is_visited((world, marks, left, way)):
+                return
+
+    @staticmethod
+    def _goes_on(world: World, depth: int) -> bool:
+        return world.step_number < depth and not world.fleet.is_finished
+
     def _after(
-        self, world: World, before: Marks, left: int, way: Way
-    ) -> Iterator[tuple[World, Marks, int, Way]]:
-        """Yield the states after one; the one without a fault is the first."""
+        self, world: World, before: Marks, left: int, way: Way, least: int = 0
+    ) -> Iterator[State]:
+        """Yield the states after one, with `least` faults or more in the step, fewest first."""
         options = world.options()
         if self._kinds is not None:
             options = [one for one in options if one.kind in self._kinds]
-        for count in range(min(left, len(options)) + 1):
+        for count in range(least, min(left, len(options)) + 1):
             for faults in combinations(options, count):
-                after, told = (
-                    world.copy(),
-                    (*way, *((world.step_number + 1, one) for one in faults)),
-                )
+                after = world.copy()
+                told = (*way, *((world.step_number + 1, one) for one in faults))
                 self._step(after, before, told, faults)
                 yield after, marks_of(after), left - count, told
 

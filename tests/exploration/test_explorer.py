@@ -5,23 +5,31 @@ import random
 import pytest
 
 from coordinator.schedule.authority import Authority
-from tests.exploration.broken import BROKEN
-from tests.exploration.explorer import LEFT_OUT, Explorer, world_of
+from tests.exploration.broken import BROKEN, a_robot_brakes_too_late_for_its_authority
+from tests.exploration.explorer import LEFT_OUT, Explorer, Part, world_of
 from tests.exploration.forking import Digests
 from tests.exploration.world import LATER, Fault
-
-DEPTH = 20
-"""Steps, which is 4 s: both robots are under way and near each other's path then."""
 
 WHOLE = 60
 """Steps in which two robots set out, drive and arrive, with what a fault costs."""
 
 
 def test_no_state_of_two_robots_with_one_fault_is_unsafe():
-    found = Explorer(2, 1).explore(DEPTH)
-    assert (found.broken, found.is_complete, found.deepest) == ("", True, DEPTH)
-    assert found.states > 2_000
+    found = Explorer(2, 1).explore(WHOLE)
+    assert (found.broken, found.is_complete, found.deepest) == ("", True, WHOLE)
+    assert found.states > 10_000
     assert found.ends > 0
+
+
+def test_parts_of_a_search_find_what_the_whole_finds(monkeypatch):
+    a_robot_brakes_too_late_for_its_authority(monkeypatch)
+    whole = Explorer(2, 1, ("die",)).explore(WHOLE)
+    step, fault = whole.way[-1]
+    parts = [
+        Explorer(2, 1, ("die",)).explore(WHOLE, part=Part(step, piece, 2)) for piece in range(2)
+    ]
+    assert whole.broken
+    assert [one.way for one in parts if one.broken][:1] == [((step, fault),)]
 
 
 @pytest.mark.parametrize("mistake", BROKEN, ids=lambda mistake: mistake.__name__)

@@ -5,25 +5,36 @@ then each robot hears what arrives and ticks four times.  What is sent in a step
 one, but for questions about the time, which are answered at once.  A step is made with a set of
 faults, each of them a kind and whom or what it befalls.
 
-Decides: what each fault does.  A coordinator that dies is followed by one that has the same state,
-with all that was logged: that a log gives that state is tested elsewhere (test_resume.py).
+Decides: what each fault does.  A coordinator that dies is followed by one that goes on from the log
+that it leaves, as `coordinator --resume` does.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, Final, NamedTuple
 
 import msgspec
+from msgspec.structs import replace
 
 from coordinator.fleet.log_records import LINK_GONE, CourseRequest, search_of
+from coordinator.log.head import Head, first_head, plan_file, resumed
+from coordinator.log.records import Log as File
+from coordinator.log.records import Record
 from coordinator.mission.intake import Arrival
 from coordinator.mission.mission import Mission
 from coordinator.mission.mission_driver import Job, Journal, MissionDriver, Outcome
+from coordinator.plan.document import PlanDocument
+from coordinator.plan.wire import PackedPlan
 from coordinator.planning.course_search import Answer
 from coordinator.planning.wish import Site
+from coordinator.scenario.model import Scenario, Workspace
+from coordinator.scenario_files.scenario_reader import scenario_to_json
+from coordinator.service.planning import plan_here
+from coordinator.service.replay import go_on
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import (
@@ -73,10 +84,24 @@ OF_ROBOTS: Final = (
     "stranger",
     "clock twice",
 )
-OF_COORDINATOR: Final = ("take over", "away", "tick first", "stop", "order")
+OF_COORDINATOR: Final = ("take over", "new floor", "away", "tick first", "stop", "order")
 
 _remembered: dict[Any, tuple[Answer, Site]] = {}
 """By input of a search for a course: what it found, and the floor, whose identity is in the key."""
+
+BOOT: Final = 7
+EFFORT: Final = 0
+
+_planned: dict[bytes, PackedPlan] = {}
+
+
+def planned(scenario: Scenario, epoch: int) -> PackedPlan:
+    """Return the plan of a scenario for an epoch, which is made once."""
+    key = b"%d %b" % (epoch, scenario_to_json(scenario))
+    if key not in _planned:
+        _planned[key] = plan_here(scenario, EFFORT, epoch)
+    return _planned[key]
+
 
 read = lru_cache(100_000)(decode)
 parts_of = lru_cache(1_000)(unpack_plan)
@@ -100,25 +125,65 @@ class Flight(NamedTuple):
     """Whether it was held up, so that others overtake it."""
 
 
-class Log(Journal):
-    """A log, of which is kept what the checks need: `logged` is what was recorded in this step."""
+@dataclass(frozen=True, eq=False)
+class Written:
+    """The newest record of a log and all those before it, which copies of a fleet share."""
 
-    def __init__(self) -> None:
+    before: Written | None
+    record: Record
+
+
+class Log(Journal):
+    """A log of a coordinator; `logged` is what was recorded in this step."""
+
+    def __init__(self, head: Head) -> None:
+        self._before: tuple[File, ...] = ()
+        self._begin(head)
         self.logged: set[tuple[str, bytes]] = set()
         self.courses: set[tuple[str, int]] = set()
         self.ahead_ms = 0
 
-    def record(self, key: str, payload: bytes, *_times: int | None) -> None:
+    def record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
         """Keep a record, the plan time that robots may be told, and the courses by revision."""
+        record = Record(key, payload, now_ns, sent_ns or 0, 0)
+        self._newest = Written(self._newest, record)
         self.logged.add((key, payload))
         kind = key.split("/")[2]
+        if kind == "epoch":
+            self.ahead_ms = 0
         if kind == "ahead":
             self.ahead_ms = max(self.ahead_ms, msgspec.msgpack.decode(payload))
         if kind == "course" and (found := search_of(payload)) is not None:
             self.courses.add((found.robot, found.revision))
 
-    def keep(self, document: object) -> None:
-        """Keep nothing: later epochs are not planned here."""
+    def keep(self, document: PlanDocument) -> None:
+        """Attach a later plan."""
+        file = plan_file(document)
+        self._attachments = {**self._attachments, file.name: file.data}
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether it holds a record; a fleet whose log holds none begins anew."""
+        return self._newest is not None or bool(self._before)
+
+    def file(self) -> File:
+        """Return the log as it is on the disk when its coordinator dies."""
+        records, newest = [], self._newest
+        while newest is not None:
+            records.append(newest.record)
+            newest = newest.before
+        records.reverse()
+        return File(self._metadata, self._attachments, records, False, "", self._before)
+
+    def succeed(self, head: Head) -> None:
+        """Begin the log of the next coordinator, in the same folder."""
+        self._before = (*self._before, self.file())
+        self._begin(head)
+
+    def _begin(self, head: Head) -> None:
+        self._metadata, files = head
+        self._attachments = {one.name: one.data for one in files}
+        self._newest: Written | None = None
 
     def sync(self) -> bool:
         """Return that all is on the disk."""
@@ -201,11 +266,18 @@ class Robot:
 
 
 class World:
-    """A mission and its robots; `redirected`: the order that may come."""
+    """A fleet that has yet to set out; `redirected`: the order that may come.
 
-    def __init__(self, mission: Mission, redirected: Order) -> None:
+    `other_floor`: the floor of a coordinator that takes over as `--with-scenario` says.
+    """
+
+    def __init__(
+        self, scenario: Scenario, plan: PackedPlan, redirected: Order, other_floor: Workspace
+    ) -> None:
+        mission = Mission.of_plan(scenario, plan, BOOT, planned)
+        self.scenario, self._other_floor = scenario, other_floor
         self.now_ns, self.step_number = BEGIN, 0
-        self.log = Log()
+        self.log = Log(first_head(scenario, plan.document, boot=BOOT, effort=EFFORT))
         self.driver = MissionDriver(mission, self.log, self._send, None)
         self.driver.intake = None  # type: ignore[assignment]  # Nothing is dropped here.
         self.redirected = redirected
@@ -242,7 +314,10 @@ class World:
         robots = [one for one in self.robots if not one.is_dead]
         found += [Fault(kind, one.name) for one in robots for kind in OF_ROBOTS]
         if not self.is_leaderless and fleet.phase != OVER:
-            found += [Fault("take over"), Fault("away"), Fault("tick first")]
+            found += [Fault("away"), Fault("tick first")]
+            found += [Fault("take over")] if self.log.is_begun else []
+            is_new = self.scenario.workspace is self._other_floor
+            found += [Fault("new floor")] if self.log.is_begun and not is_new else []
             found += [Fault("stop")] if fleet.phase in (GO, STOP) else []
             found += [Fault("order")] if fleet.phase == GO and not self.was_ordered else []
         return found
@@ -269,9 +344,12 @@ class World:
     def _coordinate(self, heard: list[Flight], faults: Collection[Fault]) -> None:
         if self.is_leaderless:
             self._take_over()
-        if Fault("take over") in faults:
+        floors = [one for one in faults if one.kind == "new floor"]
+        if floors or Fault("take over") in faults:
             self.is_leaderless = True
             self.jobs = []
+            if floors:
+                self.scenario = replace(self.scenario, workspace=self._other_floor)
             return
         if Fault("away") in faults:  # It hears nothing, and what it did not hear waits.
             self.flights += [one._replace(step=self.step_number + 1) for one in heard]
@@ -317,9 +395,12 @@ class World:
 
     def _take_over(self) -> None:
         """Let the next coordinator go on, from the state that the log gives."""
-        mission, before_ns = self.driver.mission, self.now_ns - STEP
+        boot = self.fleet.boot + 1
+        mission = go_on(self.log.file(), boot, self.now_ns, self.scenario)
+        mission._planner = planned  # A later plan is made once for each input.
         self.is_leaderless = False
-        mission.take_over(self.fleet.boot + 1, before_ns, self.now_ns)
+        head = first_head(self.scenario, mission.document, boot=boot, effort=EFFORT)
+        self.log.succeed(resumed(head, b"", self.now_ns))
         self.driver = MissionDriver(mission, self.log, self._send, None)
         self.driver.intake = None  # type: ignore[assignment]
 
