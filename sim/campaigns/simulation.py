@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 
@@ -107,7 +108,11 @@ def _run_before_people(
     def told(_address: str, text: str) -> None:
         tell_now(text)
 
-    with with_desk(network.session(DESK), document, place, told) as link:
+    with (
+        with_desk(network.session(DESK), document, place, told) as link,
+        ThreadPoolExecutor(1) as beside,
+    ):
+        world.coordinator.beside = beside  # People do not wait while a course is looked for.
         tell_now("orders are taken until the mission is ended: press end mission on the page")
         window = DeskWindow(world, link, speed)
 

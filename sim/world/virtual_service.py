@@ -7,6 +7,7 @@ does is decided by the same mission driver as in a real run.  Must not know: rob
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor, Future
 from typing import Final
 
 from msgspec.structs import replace
@@ -98,13 +99,16 @@ class VirtualService:
         self.next_scenario: Scenario | None = None
         """With the floor on which the next coordinator finds itself, if that has changed."""
 
+        self.beside: Executor | None = None
+        """Where searches are made while the world goes on; by default it stands still meanwhile."""
+
         self._session: MemorySession | None = None
         self._drive(mission)
 
     def _drive(self, mission: Mission) -> None:
         journal = VirtualJournal(self._logs)
         self.driver = MissionDriver(mission, journal, self._put, self._checkpoint_bytes)
-        self._under_way: list[tuple[int, Job, Outcome]] = []
+        self._under_way: list[tuple[int, Job, Future[Outcome]]] = []
 
     def begin(self) -> None:
         """Open the link: from now on the core receives, looks at the time, and sends."""
@@ -131,12 +135,20 @@ class VirtualService:
             return
         now_ns = self._clock()
         jobs = self.driver.look(now_ns)
-        self._under_way += [(now_ns + self._time_of(job), job, job.work()) for job in jobs]
+        self._under_way += [(now_ns + self._time_of(job), job, self._begun(job)) for job in jobs]
         self.driver.tell_drops(now_ns)
-        for one in [one for one in self._under_way if one[0] <= now_ns]:
+        for one in [one for one in self._under_way if one[0] <= now_ns and one[2].done()]:
             self._under_way.remove(one)
             _, job, outcome = one
-            self.driver.finish(job, outcome, now_ns)
+            self.driver.finish(job, outcome.result(), now_ns)
+
+    def _begun(self, job: Job) -> Future[Outcome]:
+        """Begin a job; without a thread beside this one it is done then."""
+        if self.beside is not None:
+            return self.beside.submit(job.work)
+        done: Future[Outcome] = Future()
+        done.set_result(job.work())
+        return done
 
     def _time_of(self, job: Job) -> int:
         """Return how long a job takes [ns]: a plan for the fleet, or one robot's course."""

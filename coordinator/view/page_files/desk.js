@@ -2,6 +2,7 @@
 
 /** For so long [ms] a button says that it was pressed; the fleet answers sooner. */
 const ASKED_MS = 5000;
+const ANSWER_STAYS_MS = 2000;
 
 class Desk {
   /**
@@ -11,6 +12,7 @@ class Desk {
   constructor(told) {
     this.told = told;
     this.goal = null;
+    this.answers = [];
     /** The orders that were sent from here and are not over, each with its id; null until that is known. */
     this.asked = new Map();
     this.closed = new ClosedPlaces(byId("blocks"), told.changed, (text) => this.say(text));
@@ -62,10 +64,12 @@ class Desk {
     }
   }
 
-  /** What has been answered, for a while. */
-  say(text, isWrong = false) {
-    const box = byId("answer");
-    box.textContent = inShort(text);
+  /** Tell what has been answered, for a while; an answer a moment ago stays beside a new one. */
+  say(text, isWrong = false, isAnswer = true) {
+    const box = byId("answer"), at = performance.now();
+    const stays = (one) => one.isAnswer && one.isWrong === isWrong && at - one.at < ANSWER_STAYS_MS;
+    this.answers = text ? [{ text, at, isAnswer, isWrong }, ...this.answers.filter(stays).slice(0, 1)] : [];
+    box.textContent = inShort(this.answers.map((one) => one.text).join("; "));
     box.classList.toggle("fails", isWrong);
     clearTimeout(this.fades);
     this.fades = setTimeout(() => { box.textContent = ""; }, 15000);
@@ -73,7 +77,7 @@ class Desk {
 
   /** Ask for something, and say so until it is answered. */
   async command(what, method, path, done) {
-    this.say(`asked: ${what}`);
+    this.say(`asked: ${what}`, false, false);
     const found = await ask(method, path);
     if (found) this.say(done ?? found.text);
     return found;
@@ -228,7 +232,7 @@ class Desk {
     const order = this.order();
     if (order === null) return;
     this.clear();
-    this.say(`asked: ${order.robot || "any robot"} to ${order.goal.join(", ")}`);
+    this.say(`asked: ${order.robot || "any robot"} to ${order.goal.join(", ")}`, false, false);
     this.asked.set(order, null);
     const found = await ask("POST", "orders", order);
     if (found === null) {

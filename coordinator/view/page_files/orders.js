@@ -45,9 +45,12 @@ class OrderList {
     this.sight = new Sight();
   }
 
-  /** Show the orders of another scene; rows stay, so that nothing moves. */
+  /** Show the orders of another scene; return whether they have changed.  Rows stay, so that nothing moves. */
   show(play) {
+    const steps = (one) => one.scene.orders.map((order) => order.steps.length).join();
+    const changed = Boolean(this.play) && steps(play) !== steps(this.play);
     this.play = play;
+    return changed;
   }
 
   /** The robot that does an order at a time; -1 before one is known, null once it is over. */

@@ -36,7 +36,7 @@ function load(scene) {
   }
   names = found;
   desk.offer(scene.robots.map((robot) => robot.id));
-  orders.show(play);
+  if (orders.show(play) && !isWatched()) listed = -Infinity;
   describe(scene, live && isUnheard());
   update(byId("ghosts-label"), { hidden: scene.ghosts.length === 0 });
   setEnd(live ? roundedUp(scene.end) : scene.end);
