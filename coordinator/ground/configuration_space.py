@@ -47,6 +47,7 @@ class Ground:
     def __init__(self, rings: Rings, reach: float, room: float = 0.0) -> None:
         self.reach = reach
         self.rings = rings
+        self._newest: tuple[bytes, Array | None] = b"", None
         blocking, turning = grow(rings, reach - _SLACK), grow(rings, reach + room)
         self.frame = _frame(blocking.edges, turning.turns)
         bare = Solid(reach - 2.0 * _SLACK, np.empty((0, 3)), *self.solid_edges)
@@ -90,6 +91,15 @@ class Ground:
         ends = np.stack((start, goal))
         if np.array_equal(start, goal):
             return ends
+        if len(discs) or longest < math.inf:
+            return self._way(ends, discs, longest)
+        key, (known, way) = ends.tobytes(), self._newest
+        if key != known:
+            way = self._way(ends, discs, longest)
+            self._newest = key, way  # A robot is looked for a way to the same place again, soon.
+        return way
+
+    def _way(self, ends: Array, discs: Array, longest: float) -> Array | None:
         most, spared = _FIRST_PLACES, self._spared(ends)
         while True:
             for step in (1, -1):

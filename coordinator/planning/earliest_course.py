@@ -354,7 +354,8 @@ def _among(search: Search, track: Track) -> tuple[Junctions, Motions, list[Cours
     junctions = Junctions(tracks, radii, margin, tau, among=(0,), cell=_CELL)
     motions = Motions(junctions.lengths())
     for index, (one, delay) in enumerate(copies, start=1):
-        motions.put_legs(index, one.driven.legs + delay * _TIMES)
+        legs = one.driven.legs
+        motions.put_legs(index, legs + delay * _TIMES if delay else legs)
     return junctions, motions, near
 
 
@@ -385,4 +386,4 @@ def _known(driven: Driven) -> Track:
     """Return a course as a track; its motion may end beyond its curve, by rounding."""
     chords = Course.chords_of(driven.curve)
     length = min(driven.timeline.length, float(chords.s[-1]))
-    return Track(SpeedLimits(length, 1.0, math.inf, ()), chords)
+    return Track(SpeedLimits(length, 1.0, math.inf, ()), chords, _CELL)

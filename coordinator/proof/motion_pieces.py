@@ -35,6 +35,9 @@ _LEG_BEGIN, _LEG_END, _LEG_S, _LEG_V, _LEG_RATE = range(5)
 """Columns of legs (n, 5): begin and end [s], arc length [m] and speed [m/s] at the begin,
 acceleration [m/s^2]."""
 
+_BEFORE: Final = np.array([-1])
+"""The leg on which a robot stands before it departs, as its first leg after that is 0."""
+
 _TIME, _X, _Y, _S = range(4)
 """Columns of nodes (m, 4): time [s], place [m] and exact arc length [m]."""
 
@@ -106,12 +109,15 @@ class Flights:
         own = [_own_pieces(one, *_under_way(one, *span), tolerance) for one, span in spans]
         ends: Indices = np.cumsum(self._sizes).reshape(-1, 3)
         still = self._standing_pieces(ends[:, ::2][self._sizes[:, ::2] > 0] - 1)
-        robot = np.repeat(np.arange(len(own)), [len(one.rows) for one in own])
-        leg = np.concatenate([one.leg for one in own]) + ends[robot, 0]
-        rows = np.concatenate([*(one.rows for one in own), still.rows])
-        robot, leg = np.concatenate((robot, still.robot)), np.concatenate((leg, still.leg))
-        # Legs are numbered by robot, then time; these are two runs in order, soon merged.
-        return Pieces(rows, robot, leg).pick(np.argsort(leg, kind="stable"))
+        rows, legs, at = list[Array](), list[Indices](), 0
+        for one, (before, moving, after) in zip(own, self._sizes.tolist(), strict=True):
+            until = at + before + after
+            rows += [still.rows[at : at + before], one.rows, still.rows[at + before : until]]
+            legs += [_BEFORE[:before], one.leg, np.array([moving])[:after]]
+            at = until
+        sizes = self._sizes[:, ::2].sum(axis=1) + np.array([len(one.rows) for one in own])
+        robot = np.repeat(np.arange(len(own)), sizes)
+        return Pieces(np.concatenate(rows), robot, np.concatenate(legs) + ends[robot, 0])
 
     def _standing_pieces(self, legs: Indices) -> Pieces:
         """Return the pieces of these legs, on which robots stand."""

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from copy import copy
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -71,7 +70,7 @@ class Junctions:
         self.zones = self._find(executor, among)
         self._fine = False
         self._cell = _cell_for(self.zones) if cell is None else cell
-        self.tracks = [replace(track, cell=self._cell) for track in tracks]
+        self.tracks = [track.with_cell(self._cell) for track in tracks]
         self._approaches: dict[tuple[int, bool], Approach] = {}
         self._rows: dict[int, tuple[Rows, Known]] = {}
         self._coming: dict[int, Future[tuple[Rows, Known]]] = {}
@@ -84,7 +83,7 @@ class Junctions:
         """Return new junctions in which one robot has another track; self does not change."""
         fresh = copy(self)
         fresh.tracks = list(self.tracks)
-        fresh.tracks[index] = replace(track, cell=self._cell)
+        fresh.tracks[index] = track.with_cell(self._cell)
         kept = np.flatnonzero((self.zones.a != index) & (self.zones.b != index))
         fresh.zones = _joined(_chosen(self.zones, kept), fresh._find(None, (index,)))
         fresh._sort()

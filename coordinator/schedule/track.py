@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -36,6 +36,10 @@ class Track:
     def ceiling(self) -> Array:
         """Knots (n, 2) of the greatest speed allowed: s [m], v^2."""
         return np.column_stack(self.limits.ceiling)
+
+    def with_cell(self, cell: float) -> Track:
+        """Return the same path in cells of this length [m]."""
+        return self if self.cell == cell else replace(self, cell=cell)
 
     @property
     def cells(self) -> int:
