@@ -32,7 +32,9 @@ _SEEN_PER_TURN: Final = 64
 """The cache has room for this many visible vertices per vertex, on average."""
 
 _FIRST_PLACES: Final = 1000
-"""How many places the first, least thorough search for a way may visit."""
+_FIRST_SHARE: Final = 2
+"""How many places the first, least thorough search for a way may visit: so many, or the number of
+vertices divided by _FIRST_SHARE."""
 
 _MOST_SAGITTA: Final = 0.05
 """The grid of solid edges serves tests of distances up to the reach plus this [m]."""
@@ -100,7 +102,8 @@ class Ground:
         return way
 
     def _way(self, ends: Array, discs: Array, longest: float) -> Array | None:
-        most, spared = _FIRST_PLACES, self._spared(ends)
+        most = max(_FIRST_PLACES, len(self.turns) // _FIRST_SHARE)
+        spared = self._spared(ends)
         while True:
             for step in (1, -1):
                 way = search(ends[::step], most, longest, discs, self.sight, spared)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,11 @@ from shapely import Polygon
 from coordinator.curves.nurbs import Array
 from coordinator.scenario.model import MapPart, Point
 from coordinator.scenario.obstacle_names import obstacle_name, too_near
+
+_SOME: Final = 16
+_SPARE: Final = 1e-6
+"""Of a line so many places are looked at first: only edges nearer to it than these [m], and this
+much more for rounding, can be the nearest."""
 
 
 class Floor:
@@ -51,6 +57,13 @@ class Floor:
         edges = shapely.multilinestrings(shapely.get_rings([self.outline, *self.obstacles]))
         shapely.prepare(edges)
         return edges
+
+    @cached_property
+    def _sides(self) -> shapely.STRtree:
+        """A spatial index of the edges, one by one."""
+        rings = [shapely.get_coordinates(ring) for ring in shapely.get_parts(self._edges)]
+        sides = np.concatenate([np.stack((ring[:-1], ring[1:]), axis=1) for ring in rings])
+        return shapely.STRtree(shapely.linestrings(sides))
 
     def _is_open(self, place: shapely.Point) -> bool:
         """Return whether a place is on the floor and in no obstacle."""
@@ -100,7 +113,13 @@ class Floor:
         """Return the distance [m] from a polyline (n, 2) to anything solid; 0 if it enters it.
 
         A line that meets no edge is either free everywhere or inside something solid everywhere;
-        its first point decides.
+        its first point decides.  A line may be a place, twice; no edge is found near such a leg.
         """
-        apart = float(shapely.distance(self._edges, shapely.linestrings(line)))
+        tree, whole = self._sides, shapely.linestrings(line)
+        some = shapely.points(line[:: max(len(line) // _SOME, 1)])
+        reach = float(shapely.distance(self._edges, some).min()) + _SPARE
+        legs = shapely.linestrings(np.stack((line[:-1], line[1:]), axis=1))
+        near = np.unique(tree.query(legs, predicate="dwithin", distance=reach)[1])
+        edges = tree.geometries.take(near) if len(near) else self._edges
+        apart = float(np.min(shapely.distance(whole, edges)))
         return apart if apart > 0.0 and self._is_open(shapely.Point(line[0])) else 0.0

@@ -26,6 +26,8 @@ def test_lines_are_as_far_from_the_solid_as_from_all_of_it_joined():
         line = rng.uniform((-3.0, -3.0), (13.0, 11.0)) + np.cumsum(steps, axis=0)
         gaps.append(floor.gap(line))
         assert gaps[-1] == pytest.approx(shapely.distance(solid, shapely.linestrings(line)))
+        place = np.stack((line[0], line[0]))
+        assert floor.gap(place) == pytest.approx(shapely.distance(solid, shapely.Point(line[0])))
     assert 300 < np.count_nonzero(gaps) < 1_500
 
 
