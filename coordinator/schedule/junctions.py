@@ -100,6 +100,21 @@ class Junctions:
         fresh._fine, fresh._approaches = True, {}
         return fresh
 
+    def in_fewer(self, index: int, rows: int, longest: float) -> Junctions:
+        """Return the same, with a robot's path in cells so long that it has about `rows` rows.
+
+        They are no longer than `longest` [m].
+        """
+        span = self.spans(index)
+        cell = min(float((span[:, 1] - span[:, 0]).sum()) / rows, longest)
+        if cell <= self.tracks[index].cell:
+            return self
+        fresh = copy(self)
+        fresh.tracks = [*self.tracks]
+        fresh.tracks[index] = self.tracks[index].with_cell(cell)
+        fresh._approaches, fresh._rows, fresh._coming = {}, {}, {}
+        return fresh
+
     def near(self, index: int) -> tuple[int, ...]:
         """Return the robots that a robot shares zones with, in increasing order."""
         if index not in self._near:
