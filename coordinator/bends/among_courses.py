@@ -16,7 +16,15 @@ from coordinator.base.errors import PlanError
 from coordinator.base.kept import kept
 from coordinator.bends.mesh_kernels import Mesh, close_near
 from coordinator.bends.meshes import PLACE_ROOM, ends_on, open_mesh
-from coordinator.bends.traffic_kernels import BEGIN, END, Traffic, free_from, gathered
+from coordinator.bends.traffic_kernels import (
+    BEGIN,
+    END,
+    Errand,
+    Traffic,
+    free_from,
+    gathered,
+    part_met,
+)
 from coordinator.bends.way_kernels import Trip
 from coordinator.bends.ways import way_among
 from coordinator.curves.nurbs import Array, Nurbs
@@ -24,6 +32,7 @@ from coordinator.curves.nurbs_kernels import Indices
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.paths.smoothing import least_radius, smooth
 from coordinator.plan.course import Boxes, Course
+from coordinator.scenario.model import Robot
 
 
 class Pitch(NamedTuple):
@@ -147,20 +156,56 @@ def traffic_for(
     ways = boxes.ways_by(np.array(robot.start[:2]), np.array(robot.goal[:2]))
     may_meet = ways <= farthest + 2.0 * (reach + boxes.radii)
     others = [others[k] for k in np.flatnonzero(may_meet).tolist()]
-    parts = [_samples(one) for one in others]
+    delays = [late.get(one.driven.id, 0.0) for one in others]
+    errand = errand_of(robot, zero, times.latest, finder.scenario.planned_speed(robot))
+    parts = [
+        part_of(one, errand, reach, tau, delay) for one, delay in zip(others, delays, strict=True)
+    ]
     owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     samples = np.concatenate([*parts, np.empty((0, 5))])
-    delays = np.array([late.get(one.driven.id, 0.0) for one in others])
     samples[:, BEGIN] -= zero
-    samples[:, END] += delays[owner] - zero
-    is_ahead = samples[:, END] + tau > 0.0
-    samples, owner = samples[is_ahead], owner[is_ahead]
+    samples[:, END] += np.array(delays)[owner] - zero
     size = reach + max((one.driven.radius for one in others), default=0.0) + _GAP
     places = samples[:, :2] if len(samples) else np.zeros((1, 2))
     low, high = bounds_of(places)
     low -= size
     columns, rows = np.ceil((high + size - low) / size).astype(int).tolist()
     return gathered(samples, owner, float(low[0]), float(low[1]), size, columns, rows)
+
+
+def errand_of(robot: Robot, leaves: float, latest: float, speed: float) -> Errand:
+    """Return what bounds where a robot can be that leaves its start no earlier than `leaves` [s].
+
+    latest [s]: when it has to arrive; speed [m/s].
+    """
+    start, goal = np.array(robot.start[:2]), np.array(robot.goal[:2])
+    return Errand(start, goal, leaves, latest, speed)
+
+
+def part_of(course: Course, errand: Errand, reach: float, tau: float, delay: float) -> Array:
+    """Return the samples of a course that a robot may meet on an errand.
+
+    It keeps `reach` [m] from the other robot's rim, and `tau` [s] from its times; the other one may
+    be late by up to `delay` [s].
+    """
+    first, end = _met(course, errand, reach, tau, delay)
+    return _samples(course)[first:end]
+
+
+def stretch_of(
+    course: Course, errand: Errand, reach: float, tau: float, delay: float
+) -> tuple[float, float] | None:
+    """Return from where to where [m] on its path a robot may meet a course, as `part_of` does."""
+    first, end = _met(course, errand, reach, tau, delay)
+    if first == end:
+        return None
+    step = course.driven.curve.length / (len(_samples(course)) - 2)
+    return step * max(first - 1, 0), step * (end - 1)
+
+
+def _met(course: Course, errand: Errand, reach: float, tau: float, delay: float) -> tuple[int, int]:
+    need = reach + course.driven.radius + _STEP
+    return part_met(_samples(course), errand, need, tau, delay)
 
 
 @kept

@@ -42,6 +42,47 @@ class Traffic(NamedTuple):
     rows: int
 
 
+class Errand(NamedTuple):
+    """What bounds where a robot can be, and when.
+
+    It does not leave `start` (2,) [m] before `leaves` [s], is at `goal` (2,) [m] from `latest` [s]
+    on, and is never faster than `speed` [m/s].
+    """
+
+    start: Array
+    goal: Array
+    leaves: float
+    latest: float
+    speed: float
+
+
+@compiled
+def part_met(
+    samples: Array, errand: Errand, need: float, tau: float, delay: float
+) -> tuple[int, int]:
+    """Return which of a course's samples (n, 5) a robot can meet on an errand: first, end.
+
+    It meets a sample if it can be nearer than `need` [m] to the place from `tau` [s] before its
+    owner is there until `tau` after; the owner is late by up to `delay` [s].  Those before the
+    first and from the end on it cannot meet.
+    """
+    first, end = 0, len(samples)
+    (x, y), (u, v) = errand.start, errand.goal
+    while first < end:
+        one = samples[first]
+        since = errand.leaves + (math.hypot(one[X] - x, one[Y] - y) - need) / errand.speed
+        if one[END] + delay + tau >= since:
+            break
+        first += 1
+    while end > first:
+        one = samples[end - 1]
+        far = max(math.hypot(one[X] - u, one[Y] - v) - need, 0.0)
+        if far == 0.0 or one[BEGIN] - tau <= errand.latest - far / errand.speed:
+            break
+        end -= 1
+    return first, end
+
+
 @compiled
 def gathered(
     samples: Array, owner: Indices, x: float, y: float, size: float, columns: int, rows: int

@@ -21,8 +21,9 @@ from msgspec.structs import replace as changed
 
 from coordinator.base.errors import PlanError
 from coordinator.base.kept import kept
-from coordinator.bends.among_courses import PITCHES, Times, traffic_for
+from coordinator.bends.among_courses import PITCHES, Times, errand_of, stretch_of, traffic_for
 from coordinator.bends.courses import may_bend
+from coordinator.bends.traffic_kernels import Errand
 from coordinator.curves.chords import Chords
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.ground.free_space import NO_DISCS
@@ -75,6 +76,10 @@ _MOST_IN_ZONES: Final = 1800.0
 """No further path is tried once those tried lead through zones of so many metres.  Among 50 robots
 they seldom lead through 400; among 1,000 it spares the slowest searches a fifth of their time."""
 
+_ROUGH: Final = 0.2
+"""How much farther [m] than the need others count when it is told what the robot may meet of them:
+cells and chords are that coarse."""
+
 _LANE_ROOM: Final = 0.01
 _SPACING: Final = 0.25
 _MOST_DISCS: Final = 60
@@ -98,25 +103,27 @@ class Search:
         """The boxes around the other courses."""
         return Boxes(self.others)
 
-    def ahead(self, course: Course, delay: float) -> Track:
-        """Return a course as a track, without what robots have left behind when the wish begins.
+    @cached_property
+    def errand(self) -> Errand:
+        """What bounds where the robot can be, and when; under way only when it begins."""
+        wish = self.wish
+        speed = self.site.scenario.planned_speed(wish.robot) if wish.leaves is None else math.inf
+        return errand_of(wish.robot, 0.001 * wish.begin_ms, math.inf, speed)
 
-        `delay` [s]: how late its robot is.
+    def ahead(self, course: Course, delay: float, latest: float) -> Track | None:
+        """Return the part of a course that the robot may meet as a track; None if it meets none.
+
+        `delay` [s]: how late the other robot is; `latest` [s]: when this one has to arrive.
         """
-        key = id(course), delay
-        if key not in self._tracks:
-            since = 0.001 * self.wish.begin_ms - self.site.terms.tau - TAU_PAD - delay
-            self._tracks[key] = _ahead(course.driven, since)
-        return self._tracks[key]
+        errand = self.errand._replace(latest=latest)
+        reach, tau = self.wish.robot.radius + self.site.terms.margin, self.site.terms.tau + TAU_PAD
+        stretch = stretch_of(course, errand, reach + _ROUGH, tau, delay)
+        return None if stretch is None else _part(course.driven, *stretch)
 
     @cached_property
     def in_zones(self) -> list[float]:
         """How far [m] each path that was tried leads through zones."""
         return []
-
-    @cached_property
-    def _tracks(self) -> dict[tuple[int, float], Track]:
-        return {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,7 +312,7 @@ def _motion(search: Search, path: Nurbs, latest: float = math.inf) -> Try:
         raise PlanError("cannot hold its path", wish.robot.id)
     release = _release(wish, path)
     track = _track(search.site, wish.robot, path)
-    junctions, motions, near = _among(search, track)
+    junctions, motions, near = _among(search, track, latest)
     departure = Departure(release, math.inf, 0.001 * wish.begin_ms)
     motion = earliest_motion(
         junctions, motions, 0, departure=departure, latest=latest, quickest=latest < math.inf
@@ -319,7 +326,7 @@ def _motion_under_way(search: Search, leaves: UnderWay, discs: Array) -> Try:
     """Return the earliest motion of a robot that leaves its course while it drives."""
     robot = search.wish.robot
     path, limits, track = _leading_off(search, leaves, discs)
-    junctions, motions, near = _among(search, track)
+    junctions, motions, near = _among(search, track, math.inf)
     modes = np.full(len(junctions.zones_of(0)), BOTH)
     motion = rest_of_motion(junctions, motions, 0, leaves.begun(limits), modes)
     if motion is None:
@@ -354,8 +361,11 @@ def _leading_off(
     return min(found, key=lambda one: one[2].alone)
 
 
-def _among(search: Search, track: Track) -> tuple[Junctions, Motions, list[Course]]:
-    """Return where a robot meets others, the motions of these, and their courses."""
+def _among(search: Search, track: Track, latest: float) -> tuple[Junctions, Motions, list[Course]]:
+    """Return where a robot meets others, the motions of these, and their courses.
+
+    latest [s]: when the robot has to arrive.
+    """
     site, wish, boxes = search.site, search.wish, search.boxes
     robot, margin = wish.robot, site.terms.margin + NEED_PAD
     are_near = boxes.apart(track.chords.points) < robot.radius + boxes.radii + margin + 0.01
@@ -363,9 +373,11 @@ def _among(search: Search, track: Track) -> tuple[Junctions, Motions, list[Cours
     # The path itself keeps clear of robots that stand at their ends for ever.
     among = [one for one in among if not one.has_ended or one.until < math.inf]
     copies = [(one, delay) for one in among for delay in _delays(site, wish, one)]
+    parts = [search.ahead(one, delay, latest) for one, delay in copies]
+    copies = [copy for copy, part in zip(copies, parts, strict=True) if part is not None]
     near = [one for one, _ in copies]
     tau = site.terms.tau + TAU_PAD
-    tracks = [track, *(search.ahead(one, delay) for one, delay in copies)]
+    tracks = [track, *(part for part in parts if part is not None)]
     radii = [robot.radius, *(one.driven.radius for one in near)]
     junctions = Junctions(tracks, radii, margin, tau, among=(0,), cell=_CELL)
     junctions = junctions.in_fewer(0, _ROWS, _LONGEST_CELL)
@@ -389,14 +401,16 @@ def _delays(site: Site, wish: Wish, other: Course) -> list[float]:
     return list(np.linspace(0.0, late, count + 1))
 
 
-def _ahead(driven: Driven, since: float) -> Track:
-    """Return a course as a track, without the chords left by a plan time [s]."""
+def _part(driven: Driven, begin: float, end: float) -> Track:
+    """Return a course as a track, with the chords from one place to another [m] only."""
     track = _known(driven)
-    chords, s = track.chords, driven.timeline.s_at(since)
-    first = min(int(chords.s.searchsorted(s, side="right")) - 1, len(chords.s) - 2)
-    if first <= 0:
+    chords, last = track.chords, len(track.chords.s) - 1
+    first = min(int(chords.s.searchsorted(begin, side="right")) - 1, last - 1)
+    stop = max(int(chords.s.searchsorted(end, side="left")), first + 1)
+    if first <= 0 and stop >= last:
         return track
-    return replace(track, chords=Chords(chords.s[first:], chords.points[first:], chords.error))
+    kept = slice(max(first, 0), stop + 1)
+    return replace(track, chords=Chords(chords.s[kept], chords.points[kept], chords.error))
 
 
 @kept

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from coordinator.bends.among_courses import Bends, _samples
+from coordinator.bends import among_courses
+from coordinator.bends.among_courses import Bends, _samples, errand_of, stretch_of
 from coordinator.plan.course import Course
 from coordinator.planning import earliest_course
 from coordinator.planning.course_proposal import propose
@@ -77,3 +78,42 @@ def test_between_rooms_a_robot_arrives_earlier_on_a_finer_mesh(monkeypatch, seed
         times.append(found.course.driven.timeline.finish)
     assert times[0] < times[1] - 5.0
     assert times[1] <= times[2]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_what_is_left_out_of_a_course_cannot_be_met_at_any_time(seed):
+    scenario = generate("open", 8, seed)
+    _, (_, *others) = courses_of(scenario)
+    robot, tau, reach = scenario.robots[0], 0.6, scenario.robots[0].radius + 0.05
+    leaves, latest, delay = 4.0, 25.0, 1.5
+    errand = errand_of(robot, leaves, latest, 0.5)
+    left_out = 0
+    for course in others:
+        stretch = stretch_of(course, errand, reach, tau, delay)
+        begin, end = stretch or (math.inf, math.inf)
+        line, curve = course.driven.timeline, course.driven.curve
+        need = reach + course.driven.radius
+        for time in np.arange(0.0, line.finish + 5.0, 0.05):
+            s = line.s_at(time)
+            if begin - 1e-4 <= s <= end + 1e-4:
+                continue
+            left_out += 1
+            (place,) = curve.at_arc([s])
+            from_start, to_goal = (math.dist(place, at[:2]) for at in (robot.start, robot.goal))
+            for met in np.linspace(max(time - tau, leaves), time + delay + tau, 12):
+                in_reach = from_start < 0.5 * (met - leaves) + need
+                assert not (in_reach and to_goal < 0.5 * max(latest - met, 0.0) + need)
+    assert left_out > 100
+
+
+@pytest.mark.parametrize(("floor", "seed"), [("open", 1), ("warehouse", 2)])
+def test_a_course_is_as_early_as_if_all_of_the_others_courses_counted(monkeypatch, floor, seed):
+    scenario = generate(floor, 12, seed)
+    plan, (mine, *others) = courses_of(scenario)
+    robot = replace(scenario.robots[0], start=mine.goal, goal=scenario.robots[0].start[:2])
+    begin = math.ceil(1000.0 * mine.driven.timeline.finish) // 2
+    site = Site(scenario, plan.document)
+    wish = Wish(robot, 0.0, 0, 1, begin)
+    found = propose(site, wish, others).course.driven.timeline.finish
+    monkeypatch.setattr(among_courses, "part_met", lambda samples, *_: (0, len(samples)))
+    assert found == pytest.approx(propose(site, wish, others).course.driven.timeline.finish)
