@@ -6,33 +6,27 @@ robot drives on that path, zones.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from coordinator.base.bounds import bounds_of
 from coordinator.base.errors import PlanError
-from coordinator.base.kept import kept
+from coordinator.bends.courses_met import CoursesMet, errand_of, part_of
 from coordinator.bends.mesh_kernels import Mesh, close_near
 from coordinator.bends.meshes import PLACE_ROOM, ends_on, open_mesh
 from coordinator.bends.traffic_kernels import (
     BEGIN,
     END,
-    Errand,
     Traffic,
     free_from,
     gathered,
-    part_met,
 )
 from coordinator.bends.way_kernels import Trip
 from coordinator.bends.ways import way_among
-from coordinator.curves.nurbs import Array, Nurbs
-from coordinator.curves.nurbs_kernels import Indices
+from coordinator.curves.nurbs import Nurbs
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.paths.smoothing import least_radius, smooth
-from coordinator.plan.course import Boxes, Course
-from coordinator.scenario.model import Robot
 
 
 class Pitch(NamedTuple):
@@ -138,99 +132,27 @@ class Bends:
         return mesh
 
 
-def traffic_for(
-    finder: Pathfinder,
-    others: Sequence[Course],
-    boxes: Boxes,
-    late: Mapping[str, float],
-    times: Times,
-) -> Traffic:
+def traffic_for(finder: Pathfinder, others: CoursesMet, times: Times) -> Traffic:
     """Return the samples of the courses that the first robot of a scenario may meet on its way.
 
-    Courses so far off that the robot would arrive too late if it went there are left out.
-    `boxes`: those around `others`; `late`: how late [s] they may be.  times.leaves counts as 0.
+    times.leaves counts as 0.
     """
     robot, zero, tau = finder.scenario.robots[0], times.leaves, times.tau + _PAD
     reach = robot.radius + finder.scenario.margin + max(pitch.room for pitch in PITCHES)
-    farthest = finder.scenario.planned_speed(robot) * (times.latest - times.leaves)
-    ways = boxes.ways_by(np.array(robot.start[:2]), np.array(robot.goal[:2]))
-    may_meet = ways <= farthest + 2.0 * (reach + boxes.radii)
-    others = [others[k] for k in np.flatnonzero(may_meet).tolist()]
-    delays = [late.get(one.driven.id, 0.0) for one in others]
     errand = errand_of(robot, zero, times.latest, finder.scenario.planned_speed(robot))
+    met = others.met(errand, reach, tau)
+    delays = [others.delays[k] for k in met]
+    courses = [others.courses[k] for k in met]
     parts = [
-        part_of(one, errand, reach, tau, delay) for one, delay in zip(others, delays, strict=True)
+        part_of(one, errand, reach, tau, delay) for one, delay in zip(courses, delays, strict=True)
     ]
     owner = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     samples = np.concatenate([*parts, np.empty((0, 5))])
     samples[:, BEGIN] -= zero
     samples[:, END] += np.array(delays)[owner] - zero
-    size = reach + max((one.driven.radius for one in others), default=0.0) + _GAP
+    size = reach + max((one.driven.radius for one in courses), default=0.0) + _GAP
     places = samples[:, :2] if len(samples) else np.zeros((1, 2))
     low, high = bounds_of(places)
     low -= size
     columns, rows = np.ceil((high + size - low) / size).astype(int).tolist()
     return gathered(samples, owner, float(low[0]), float(low[1]), size, columns, rows)
-
-
-def errand_of(robot: Robot, leaves: float, latest: float, speed: float) -> Errand:
-    """Return what bounds where a robot can be that leaves its start no earlier than `leaves` [s].
-
-    latest [s]: when it has to arrive; speed [m/s].
-    """
-    start, goal = np.array(robot.start[:2]), np.array(robot.goal[:2])
-    return Errand(start, goal, leaves, latest, speed)
-
-
-def part_of(course: Course, errand: Errand, reach: float, tau: float, delay: float) -> Array:
-    """Return the samples of a course that a robot may meet on an errand.
-
-    It keeps `reach` [m] from the other robot's rim, and `tau` [s] from its times; the other one may
-    be late by up to `delay` [s].
-    """
-    first, end = _met(course, errand, reach, tau, delay)
-    return _samples(course)[first:end]
-
-
-def stretch_of(
-    course: Course, errand: Errand, reach: float, tau: float, delay: float
-) -> tuple[float, float] | None:
-    """Return from where to where [m] on its path a robot may meet a course, as `part_of` does."""
-    first, end = _met(course, errand, reach, tau, delay)
-    if first == end:
-        return None
-    step = course.driven.curve.length / (len(_samples(course)) - 2)
-    return step * max(first - 1, 0), step * (end - 1)
-
-
-def _met(course: Course, errand: Errand, reach: float, tau: float, delay: float) -> tuple[int, int]:
-    need = reach + course.driven.radius + _STEP
-    return part_met(_samples(course), errand, need, tau, delay)
-
-
-@kept
-def _samples(course: Course) -> Array:
-    """Return samples (n, 5) of a course; their columns are X to RADIUS of traffic_kernels."""
-    driven = course.driven
-    length = driven.curve.length
-    borders = np.linspace(0.0, length, max(int(length / _STEP), 1) + 1)
-    places = np.concatenate(([0.0], 0.5 * (borders[1:] + borders[:-1]), [length]))
-    legs, finish = driven.legs, driven.timeline.finish
-    _, _, s0, s1, _, _ = legs
-    goes = np.searchsorted(s0, borders[:-1], side="right") - 1
-    comes = np.minimum(np.searchsorted(s1, borders[1:-1], side="left"), len(s0) - 1)
-    left, reached = _time_on(legs, goes, borders[:-1]), _time_on(legs, comes, borders[1:-1])
-    begin = np.concatenate(([course.since, left[0]], reached, [finish]))
-    end = np.concatenate((left, [finish, course.until]))
-    points = driven.curve.at_arc(places)
-    return np.column_stack((points, begin, end, np.full(len(places), driven.radius)))
-
-
-def _time_on(legs: Array, leg: Indices, s: Array) -> Array:
-    """Return when [s] arc lengths (n,) [m] are passed on these legs (n,) of a motion."""
-    t0, t1, s0, _, v0, v1 = legs[:, leg]
-    passed = s - s0
-    rate = (v1 - v0) / np.maximum(t1 - t0, 1e-12)
-    pace = v0 + np.sqrt(np.maximum(v0 * v0 + 2.0 * rate * passed, 0.0))
-    found: Array = np.clip(t0 + 2.0 * passed / np.maximum(pace, 1e-9), t0, t1)
-    return found

@@ -86,32 +86,19 @@ class Boxes:
         if not len(self.radii):
             return np.zeros(0)
         x0, y0, x1, y1 = self._boxes.T
-        u0, v0, u1, v1 = _boxes_of(points).T[:, :, None]
+        u0, v0, u1, v1 = boxes_of(points).T[:, :, None]
         along_x, along_y = np.maximum(x0 - u1, u0 - x1), np.maximum(y0 - v1, v0 - y1)
         nearest = np.maximum(along_x, along_y).min(axis=0)
         return np.asarray(np.minimum.reduceat(nearest, self._first) - self._bound)
 
-    def ways_by(self, a: Array, b: Array) -> Array:
-        """Return lower bounds (n,) [m] on the length of ways from a to b that touch each path.
-
-        a, b: places (2,) [m].
-        """
-        if not len(self.radii):
-            return np.zeros(0)
-        ways = np.zeros(len(self._boxes))
-        for place in (a, b):
-            beyond = np.maximum(self._boxes[:, :2] - place, place - self._boxes[:, 2:])
-            ways += np.hypot(*np.maximum(beyond, 0.0).T)
-        return np.asarray(np.minimum.reduceat(ways, self._first) - 2.0 * self._bound)
-
 
 @kept
 def _boxes_along(driven: Driven) -> Array:
-    """Return the boxes (k, 4) [m] around stretches of a path's chain, as `_boxes_of` does."""
-    return _boxes_of(driven.chain.points)
+    """Return the boxes (k, 4) [m] around stretches of a path's chain, as `boxes_of` does."""
+    return boxes_of(driven.chain.points)
 
 
-def _boxes_of(points: Array) -> Array:
+def boxes_of(points: Array) -> Array:
     """Return x0, y0, x1, y1 (k, 4) [m] of the boxes around stretches of a polyline (n, 2)."""
     last = len(points) - 1
     ends = np.linspace(0, last, min(last, _MOST_BOXES) + 1).astype(int)

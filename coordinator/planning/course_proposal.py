@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from msgspec.structs import replace as changed
 
 from coordinator.base.errors import PlanError
-from coordinator.plan.course import Boxes, Course
+from coordinator.plan.course import Course
 from coordinator.plan.course_staircases import joined
 from coordinator.plan.document import Limits, PlanDocument
 from coordinator.plan.drafting import rounded
@@ -58,7 +58,7 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
         raise PlanError(reason, robot.id, helps=helps if robot.via else "") from None
     if objection := wish.holds.objection(message):
         raise PlanError(objection, robot.id)
-    proposal = _among(driven, message, site, others, search.boxes)
+    proposal = _among(driven, message, site, others)
     courses = [proposal.course, *proposal.near]
     before = None if wish.leaves is None else wish.leaves.driven
     failures = course_failures(
@@ -73,21 +73,17 @@ def propose(site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     return proposal
 
 
-def proposal_of(
-    message: bytes, site: Site, wish: Wish, others: Sequence[Course], around: Boxes | None = None
-) -> Proposal:
+def proposal_of(message: bytes, site: Site, wish: Wish, others: Sequence[Course]) -> Proposal:
     """Return the course that a message states, with its staircases; not proven here.
 
-    `around`: the boxes of the others.  Raises ValueError if a robot would refuse the message.
+    Raises ValueError if a robot would refuse the message.
     """
-    return _among(unpack(message, wish.robot.radius), message, site, others, around)
+    return _among(unpack(message, wish.robot.radius), message, site, others)
 
 
-def _among(
-    driven: Driven, message: bytes, site: Site, others: Sequence[Course], around: Boxes | None
-) -> Proposal:
+def _among(driven: Driven, message: bytes, site: Site, others: Sequence[Course]) -> Proposal:
     course = Course(driven, 0.001 * driven.plan.begin_ms)
-    near = that_may_meet(course, others, site.terms.margin + STANDOFF, around)
+    near = that_may_meet(course, others, site.terms.margin + STANDOFF)
     return Proposal(course, message, near, staircases_among(course, near, site.terms))
 
 

@@ -21,15 +21,16 @@ from msgspec.structs import replace as changed
 
 from coordinator.base.errors import PlanError
 from coordinator.base.kept import kept
-from coordinator.bends.among_courses import PITCHES, Times, errand_of, stretch_of, traffic_for
+from coordinator.bends.among_courses import PITCHES, Times, traffic_for
 from coordinator.bends.courses import may_bend
+from coordinator.bends.courses_met import CoursesMet, errand_of, stretch_of
 from coordinator.bends.traffic_kernels import Errand
 from coordinator.curves.chords import Chords
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.ground.free_space import NO_DISCS
 from coordinator.motion.velocity_profile import Motion, SpeedLimits, limits_on
 from coordinator.paths.path_planner import Pathfinder
-from coordinator.plan.course import Boxes, Course
+from coordinator.plan.course import Course
 from coordinator.plan.shares_of_tau import BRAKING_SHARE
 from coordinator.plan.wire import Driven
 from coordinator.planning.leading_off import UnderWay
@@ -99,9 +100,9 @@ class Search:
         return _finder(self.site, self.wish.robot, self.others)
 
     @cached_property
-    def boxes(self) -> Boxes:
-        """The boxes around the other courses."""
-        return Boxes(self.others)
+    def met(self) -> CoursesMet:
+        """The other courses, by what the robot can meet of them."""
+        return CoursesMet(self.others, self.wish.late)
 
     @cached_property
     def errand(self) -> Errand:
@@ -110,20 +111,35 @@ class Search:
         speed = self.site.scenario.planned_speed(wish.robot) if wish.leaves is None else math.inf
         return errand_of(wish.robot, 0.001 * wish.begin_ms, math.inf, speed)
 
-    def ahead(self, course: Course, delay: float, latest: float) -> Track | None:
+    def ahead(self, course: Course, delay: float) -> Track | None:
         """Return the part of a course that the robot may meet as a track; None if it meets none.
 
-        `delay` [s]: how late the other robot is; `latest` [s]: when this one has to arrive.
+        `delay` [s]: how late the other robot is.
         """
-        errand = self.errand._replace(latest=latest)
-        reach, tau = self.wish.robot.radius + self.site.terms.margin, self.site.terms.tau + TAU_PAD
-        stretch = stretch_of(course, errand, reach + _ROUGH, tau, delay)
-        return None if stretch is None else _part(course.driven, *stretch)
+        key = id(course), delay
+        if key not in self._tracks:
+            stretch = stretch_of(course, self.errand, self.reach, self.tau, delay)
+            self._tracks[key] = None if stretch is None else _part(course.driven, *stretch)
+        return self._tracks[key]
+
+    @property
+    def reach(self) -> float:
+        """How near [m] the rims of others may matter to the robot's centre."""
+        return self.wish.robot.radius + self.site.terms.margin + NEED_PAD + _ROUGH
+
+    @property
+    def tau(self) -> float:
+        """For how long [s] others keep the robot away before and after they pass."""
+        return self.site.terms.tau + TAU_PAD
 
     @cached_property
     def in_zones(self) -> list[float]:
         """How far [m] each path that was tried leads through zones."""
         return []
+
+    @cached_property
+    def _tracks(self) -> dict[tuple[int, float], Track | None]:
+        return {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,8 +221,7 @@ def _bent(search: Search) -> Try:
         latest = finish - _WORTH
         times = Times(release, latest, ramp, site.terms.tau)
         if traffic is None:
-            finder, boxes = search.finder, search.boxes
-            traffic = traffic_for(finder, search.others, boxes, wish.late, times)
+            traffic = traffic_for(search.finder, search.met, times)
         aside = site.bends.path(search.finder, traffic, times, pitch)
         if aside is not None:
             suits = False
@@ -366,20 +381,20 @@ def _among(search: Search, track: Track, latest: float) -> tuple[Junctions, Moti
 
     latest [s]: when the robot has to arrive.
     """
-    site, wish, boxes = search.site, search.wish, search.boxes
+    site, wish = search.site, search.wish
     robot, margin = wish.robot, site.terms.margin + NEED_PAD
-    are_near = boxes.apart(track.chords.points) < robot.radius + boxes.radii + margin + 0.01
-    among = [search.others[k] for k in np.flatnonzero(are_near).tolist()]
+    errand = search.errand._replace(latest=latest)
+    met = search.met.met_along(track.chords.points, errand, search.reach, search.tau)
+    among = [search.others[k] for k in met]
     # The path itself keeps clear of robots that stand at their ends for ever.
     among = [one for one in among if not one.has_ended or one.until < math.inf]
     copies = [(one, delay) for one in among for delay in _delays(site, wish, one)]
-    parts = [search.ahead(one, delay, latest) for one, delay in copies]
+    parts = [search.ahead(one, delay) for one, delay in copies]
     copies = [copy for copy, part in zip(copies, parts, strict=True) if part is not None]
     near = [one for one, _ in copies]
-    tau = site.terms.tau + TAU_PAD
     tracks = [track, *(part for part in parts if part is not None)]
     radii = [robot.radius, *(one.driven.radius for one in near)]
-    junctions = Junctions(tracks, radii, margin, tau, among=(0,), cell=_CELL)
+    junctions = Junctions(tracks, radii, margin, search.tau, among=(0,), cell=_CELL)
     junctions = junctions.in_fewer(0, _ROWS, _LONGEST_CELL)
     search.in_zones.append(float(np.ptp(junctions.spans(0), axis=1).sum()))
     motions = Motions(junctions.lengths())

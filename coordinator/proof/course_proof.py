@@ -61,11 +61,9 @@ def pair_failures(courses: Sequence[Course], staircases: Staircases, margin: flo
     return failures + staircase_failures(flights, staircases, margin)
 
 
-def that_may_meet(
-    course: Course, others: Sequence[Course], margin: float, around: Boxes | None = None
-) -> list[Course]:
-    """Return the other courses whose boxes, `around` them, come as near as matters to a course."""
-    mine, boxes = course.driven, Boxes(others) if around is None else around
+def that_may_meet(course: Course, others: Sequence[Course], margin: float) -> list[Course]:
+    """Return the other courses whose boxes come as near as matters to a course."""
+    mine, boxes = course.driven, Boxes(others)
     apart = boxes.apart(mine.chain.points) - mine.chain.bound
     near = apart < mine.radius + boxes.radii + margin
     return [others[k] for k in np.flatnonzero(near).tolist()]

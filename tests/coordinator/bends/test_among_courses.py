@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from coordinator.bends import among_courses
-from coordinator.bends.among_courses import Bends, _samples, errand_of, stretch_of
+from coordinator.bends import courses_met
+from coordinator.bends.among_courses import Bends
+from coordinator.bends.courses_met import errand_of, samples_of, stretch_of
 from coordinator.plan.course import Course
 from coordinator.planning import earliest_course
 from coordinator.planning.course_proposal import propose
@@ -30,7 +31,7 @@ def courses_of(scenario, since=0.0):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_samples_cover_a_course_at_all_times_and_are_near_it(seed):
     for course in courses_of(generate("warehouse", 8, seed), since=1.0)[1]:
-        x, y, begin, end, radius = _samples(course).T
+        x, y, begin, end, radius = samples_of(course).T
         assert (begin[0], end[-1]) == (course.since, math.inf)
         assert (begin[1:] <= end[:-1] + 1e-9).all()
         assert (radius == course.driven.radius).all()
@@ -115,5 +116,5 @@ def test_a_course_is_as_early_as_if_all_of_the_others_courses_counted(monkeypatc
     site = Site(scenario, plan.document)
     wish = Wish(robot, 0.0, 0, 1, begin)
     found = propose(site, wish, others).course.driven.timeline.finish
-    monkeypatch.setattr(among_courses, "part_met", lambda samples, *_: (0, len(samples)))
+    monkeypatch.setattr(courses_met, "part_met", lambda samples, *_: (0, len(samples)))
     assert found == pytest.approx(propose(site, wish, others).course.driven.timeline.finish)
