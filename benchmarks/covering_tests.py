@@ -27,6 +27,8 @@ from benchmarks.table import ROOT
 
 PYTEST: Final = ("-q", "--every=11", "-p", "no:cacheprovider")
 NO_COMPILING: Final = "NUMBA_DISABLE_JIT"
+PLAIN: Final = ("-W", "ignore::RuntimeWarning")
+"""Further options without compilation: Python's kernels warn where compiled ones return inf."""
 LONGEST: Final = 60
 """Tests that take longer [s] are left out: a mutant must not cost minutes."""
 
@@ -79,7 +81,9 @@ def watch(tests: Sequence[str], out: Path) -> None:
     measured = coverage.Coverage(data_file=None, include=files, messages=False)
     watching = _Watch(measured)
     measured.start()
-    pytest.main([*PYTEST, *tests], plugins=[watching])
+    pytest.main(
+        [*PYTEST, *(PLAIN if NO_COMPILING in os.environ else ()), *tests], plugins=[watching]
+    )
     measured.stop()
     data = measured.get_data()
     lines: dict[str, dict[str, list[int]]] = {}

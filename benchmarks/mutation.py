@@ -27,7 +27,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.covering_tests import NO_COMPILING, PYTEST, Covering, covering, tests_of
+from benchmarks.covering_tests import NO_COMPILING, PLAIN, PYTEST, Covering, covering, tests_of
 from benchmarks.mutants import ROOMS, Mutant, drawn
 from benchmarks.table import ROOT
 
@@ -77,7 +77,7 @@ def _result(mutant: Mutant, folder: Path, tests: Sequence[Covering]) -> str:
         environment[NO_COMPILING] = "1"
     names = folder / "tests.txt"
     names.write_text("".join(f"{one.name}\n" for one in tests))
-    command = [sys.executable, "-m", "pytest", "-x", *PYTEST]
+    command = [sys.executable, "-m", "pytest", "-x", *PYTEST, *(PLAIN if mutant.is_plain else ())]
     process = subprocess.Popen(
         [*command, f"@{names}"], cwd=folder, env=environment, start_new_session=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
