@@ -50,6 +50,11 @@ def apart(old, new, until):
     return max(math.dist(place(old, t), place(new, t)) for t in times)
 
 
+def faster(old, new, until):
+    times = np.arange(BEGIN, until, 0.002).tolist()
+    return max(abs(old.timeline.v_at(t) - new.timeline.v_at(t)) for t in times)
+
+
 @pytest.mark.parametrize("goal", PLACES)
 @pytest.mark.parametrize("fields", [{}, {"min_turn_radius": 0.5}, {"max_lateral_accel": math.inf}])
 def test_a_course_leads_off_another_smoothly_where_it_may_and_not_before(goal, fields):
@@ -59,6 +64,7 @@ def test_a_course_leads_off_another_smoothly_where_it_may_and_not_before(goal, f
     assert shared_until(old, new) >= LEAVE
     assert apart(old, new, LEAVE) < SAME
     assert apart(old, new, shared_until(old, new)) < SAME
+    assert faster(old, new, shared_until(old, new)) < 1.001e-3
     assert found.goal == pytest.approx(goal, abs=1e-5)
     assert new.timeline.v_at(BEGIN) == pytest.approx(old.timeline.v_at(BEGIN), abs=1e-5)
     assert min(new.timeline.v_at(t) for t in np.arange(BEGIN, new.timeline.finish - 1.0, 0.01)) > 0
