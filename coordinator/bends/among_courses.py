@@ -14,7 +14,7 @@ from coordinator.base.bounds import bounds_of
 from coordinator.base.errors import PlanError
 from coordinator.bends.courses_met import CoursesMet, errand_of, part_of
 from coordinator.bends.mesh_kernels import Mesh, close_near
-from coordinator.bends.meshes import PLACE_ROOM, ends_on, open_mesh
+from coordinator.bends.meshes import PLACE_ROOM, cell_size, ends_on, open_mesh
 from coordinator.bends.traffic_kernels import (
     BEGIN,
     END,
@@ -27,6 +27,7 @@ from coordinator.bends.ways import way_among
 from coordinator.curves.nurbs import Nurbs
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.paths.smoothing import least_radius, smooth
+from coordinator.scenario.model import Robot, Scenario
 
 
 class Pitch(NamedTuple):
@@ -34,15 +35,17 @@ class Pitch(NamedTuple):
 
     cells: their size, as a multiple of the need of two robots; lost [s]: a robot that loses less
     without it does not search it; room [m]: what ways on it keep beyond the need, because the curve
-    along a way differs a little from it.
+    along a way differs a little from it; is_last: whether it is searched only if no coarser one has
+    a path that suits.
     """
 
     cells: float
     lost: float
     room: float
+    is_last: bool = False
 
 
-PITCHES: Final = (Pitch(0.9, 1.0, 0.04), Pitch(0.45, 3.0, 0.03), Pitch(0.3, 8.0, 0.02))
+PITCHES: Final = (Pitch(0.9, 1.0, 0.04), Pitch(0.45, 3.0, 0.03), Pitch(0.3, 8.0, 0.02, True))
 """On fine meshes robots pass each other in doors, but the search takes longer."""
 
 _PAD: Final = 0.1
@@ -53,7 +56,9 @@ _TIGHTEST: Final = 0.015
 loops, their steering cannot follow: at a radius of 2 mm one left its path."""
 
 _MOST_STATES: Final = 2_500
-"""How many states the search for one way expands at most."""
+_STATES_PER_CELL: Final = 0.125
+"""How many states the search for one way expands at most: so many, or so many for each cell of its
+mesh if that is more, as ways are longer on large floors."""
 
 _ITSELF: Final = -3
 """The number of the robot that looks for a path; no sample, and no place on a mesh, is its own."""
@@ -106,7 +111,8 @@ class Bends:
             return None
         speed = finder.scenario.planned_speed(robot)
         trip = Trip(_ITSELF, *ends, speed, times.ramp, reach, tau)
-        way, _ = way_among(mesh, trip, space, traffic, latest, _MOST_STATES)
+        most = max(_MOST_STATES, int(_STATES_PER_CELL * mesh.columns * mesh.rows))
+        way, _ = way_among(mesh, trip, space, traffic, latest, most)
         if not len(way):
             return None
         exact = np.zeros(len(way), dtype=np.bool_)
@@ -130,6 +136,14 @@ class Bends:
             needs = np.array([one.radius for one in stand]) + reach
             close_near(mesh, np.array([one.start[:2] for one in stand]), needs)
         return mesh
+
+
+def pitches_of(scenario: Scenario, robot: Robot) -> list[Pitch]:
+    """Return those of PITCHES that make meshes of their own: on large floors some have one mesh."""
+    by_size: dict[float, Pitch] = {}
+    for pitch in PITCHES:
+        by_size.setdefault(cell_size(scenario, robot, pitch.cells), pitch)
+    return list(by_size.values())
 
 
 def traffic_for(finder: Pathfinder, others: CoursesMet, times: Times) -> Traffic:

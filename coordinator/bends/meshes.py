@@ -10,11 +10,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from coordinator.base.bounds import bounds_of
 from coordinator.bends.mesh_kernels import CLOSED, HALF, MOVES, OPEN, Mesh, close_near, distances
 from coordinator.curves.nurbs import Array
 from coordinator.ground.free_space import Space
 from coordinator.paths.path_planner import Pathfinder
-from coordinator.scenario.model import Robot
+from coordinator.scenario.model import Robot, Scenario
 
 WIDE: Final = 0.9
 NARROW: Final = 0.27
@@ -110,14 +111,18 @@ def _cell(mesh: Mesh, index: int, space: Space, place: Array) -> int:
     return -1
 
 
+def cell_size(scenario: Scenario, robot: Robot, pitch: float) -> float:
+    """Return the size [m] of the cells of a mesh for robots as wide as this one."""
+    low, high = bounds_of(np.array(scenario.workspace.boundary))
+    size = pitch * (2.0 * robot.radius + scenario.margin)
+    return max(size, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
+
+
 def open_mesh(finder: Pathfinder, robot: Robot, pitch: float) -> Mesh:
     """Return the mesh for robots as wide as this one, with all moves that no solid thing closes."""
     scenario = finder.scenario
-    corners = np.array(scenario.workspace.boundary)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    reach = robot.radius + scenario.margin
-    size = pitch * (2.0 * robot.radius + scenario.margin)
-    size = max(size, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
+    low, high = bounds_of(np.array(scenario.workspace.boundary))
+    reach, size = robot.radius + scenario.margin, cell_size(scenario, robot, pitch)
     columns, rows = np.maximum(np.ceil((high - low) / size).astype(int), 1).tolist()
     x, y = (low + 0.5 * ((high - low) - size * (np.array((columns, rows)) - 1))).tolist()
     row, column = np.divmod(np.arange(columns * rows), columns)

@@ -21,7 +21,7 @@ from msgspec.structs import replace as changed
 
 from coordinator.base.errors import PlanError
 from coordinator.base.kept import kept
-from coordinator.bends.among_courses import PITCHES, Times, traffic_for
+from coordinator.bends.among_courses import Times, pitches_of, traffic_for
 from coordinator.bends.courses import may_bend
 from coordinator.bends.courses_met import CoursesMet, errand_of, stretch_of
 from coordinator.bends.traffic_kernels import Errand
@@ -213,8 +213,8 @@ def _bent(search: Search) -> Try:
     except PlanError as problem:
         error = problem
     suits, traffic = False, None
-    for pitch in PITCHES:
-        if finish < release + track.alone + pitch.lost or (suits and pitch is PITCHES[-1]):
+    for pitch in pitches_of(site.scenario, wish.robot):
+        if finish < release + track.alone + pitch.lost or (suits and pitch.is_last):
             break
         if found is not None and sum(search.in_zones) > _MOST_IN_ZONES:
             break

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from coordinator.bends import courses_met
-from coordinator.bends.among_courses import Bends
+from coordinator.bends import among_courses, courses_met
+from coordinator.bends.among_courses import Bends, pitches_of
 from coordinator.bends.courses_met import errand_of, samples_of, stretch_of
 from coordinator.plan.course import Course
 from coordinator.planning import earliest_course
@@ -71,14 +71,20 @@ def test_between_rooms_a_robot_arrives_earlier_on_a_finer_mesh(monkeypatch, seed
     plan, others = courses_of(floor)
     del others[index]
     site, wish = Site(floor, plan.document), Wish(floor.robots[index], 0.0, 0, 1, 200)
-    pitches, times = earliest_course.PITCHES, []
+    pitches, times = among_courses.PITCHES, []
     for used in (pitches, pitches[:1], ()):
-        monkeypatch.setattr(earliest_course, "PITCHES", used)
+        monkeypatch.setattr(among_courses, "PITCHES", used)
         found = propose(site, wish, others)
         assert_keeps_apart(found, others, site.terms.tau, site.terms.margin)
         times.append(found.course.driven.timeline.finish)
     assert times[0] < times[1] - 5.0
     assert times[1] <= times[2]
+
+
+def test_no_mesh_is_searched_twice_where_a_floor_is_too_large_for_fine_ones():
+    small, large = generate("rooms", 24, 1), generate("open", 1000, 1)
+    assert pitches_of(small, small.robots[0]) == list(among_courses.PITCHES)
+    assert pitches_of(large, large.robots[0]) == list(among_courses.PITCHES[:1])
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
