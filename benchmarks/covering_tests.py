@@ -132,7 +132,17 @@ def covering(mutant: Mutant, tests: Sequence[Covering], budget: float) -> list[C
     else:
         direct = [one for one in tests if mutant.file in one.lines]
         others = list(tests)
-    by_name = {one.name: one for one in [*_in_turn(direct), *_in_turn(others)]}
+    return in_turn(direct, budget, others)
+
+
+def in_turn(
+    tests: Sequence[Covering], budget: float, others: Sequence[Covering] = ()
+) -> list[Covering]:
+    """Return tests, then others, that together take no longer than a budget [s].
+
+    Files take turns, each with its quickest test that is left.
+    """
+    by_name = {one.name: one for one in [*_in_turn(tests), *_in_turn(others)]}
     chosen, total = [], 0.0
     for one in by_name.values():
         if total + one.seconds <= budget:

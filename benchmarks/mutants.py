@@ -27,7 +27,7 @@ class Room:
 ROOMS: Final = {
     "proof": Room(
         ("coordinator/proof/*.py", "coordinator/scenario/margin.py"),
-        ("tests/coordinator/proof", "tests/second_checker"),
+        ("tests/coordinator/proof", "tests/second_checker", "tests/coordinator/findings"),
     ),
     "agent": Room(
         ("robot_agent/core/*.py",),

@@ -27,7 +27,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.covering_tests import NO_COMPILING, PLAIN, PYTEST, Covering, covering, tests_of
+from benchmarks.covering_tests import (
+    NO_COMPILING,
+    PLAIN,
+    PYTEST,
+    Covering,
+    covering,
+    in_turn,
+    tests_of,
+)
 from benchmarks.mutants import ROOMS, Mutant, drawn
 from benchmarks.table import ROOT
 
@@ -53,8 +61,14 @@ def copied(folder: Path) -> None:
             shutil.copy(ROOT / name, folder / name)
 
 
-def run(mutant: Mutant, folder: Path, tests: Sequence[Covering]) -> str:
-    """Return "detected", "timeout", or "survived" if the tests pass."""
+def run(
+    mutant: Mutant, folder: Path, tests: Sequence[Covering], compiled: Sequence[Covering] = ()
+) -> str:
+    """Return "detected", "timeout", or "survived" if the tests pass.
+
+    compiled: tests that run last, with compilation, against a mutant of kernels: the thorough ones
+    take too long without.
+    """
     path = folder / mutant.file
     source = path.read_bytes()
     path.write_bytes(mutant.applied(source))
@@ -63,21 +77,22 @@ def run(mutant: Mutant, folder: Path, tests: Sequence[Covering]) -> str:
         spent += tests[quick].seconds
         quick += 1
     try:
-        for part in (tests[:quick], tests[quick:]):
-            if part and (result := _result(mutant, folder, part)) != "survived":
+        plain = mutant.is_plain
+        for part, is_plain in ((tests[:quick], plain), (tests[quick:], plain), (compiled, False)):
+            if part and (result := _result(folder, part, is_plain)) != "survived":
                 return result
         return "survived"
     finally:
         path.write_bytes(source)
 
 
-def _result(mutant: Mutant, folder: Path, tests: Sequence[Covering]) -> str:
+def _result(folder: Path, tests: Sequence[Covering], is_plain: bool) -> str:
     environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
-    if mutant.is_plain:
+    if is_plain:
         environment[NO_COMPILING] = "1"
     names = folder / "tests.txt"
     names.write_text("".join(f"{one.name}\n" for one in tests))
-    command = [sys.executable, "-m", "pytest", "-x", *PYTEST, *(PLAIN if mutant.is_plain else ())]
+    command = [sys.executable, "-m", "pytest", "-x", *PYTEST, *(PLAIN if is_plain else ())]
     process = subprocess.Popen(
         [*command, f"@{names}"], cwd=folder, env=environment, start_new_session=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
@@ -109,7 +124,7 @@ def main() -> None:
     chosen = drawn(asked.count, asked.seed, asked.rooms)
     done = {row["name"]: row for row in _rows(asked.kept)}
     open_ones = [mutant for mutant in chosen if mutant.name not in done]
-    kinds = sorted({(one.room, one.is_plain) for one in open_ones})
+    kinds = sorted({(one.room, way) for one in open_ones for way in {False, one.is_plain}})
     tests = {kind: tests_of(*kind, asked.kept.with_suffix("")) for kind in kinds}
     end = time.monotonic() + 60.0 * asked.minutes
     folders: queue.SimpleQueue[Path] = queue.SimpleQueue()
@@ -120,7 +135,8 @@ def main() -> None:
         folder = folders.get()
         began = time.monotonic()
         may_notice = covering(mutant, tests[mutant.room, mutant.is_plain], asked.budget)
-        result = run(mutant, folder, may_notice)
+        compiled = in_turn(tests[mutant.room, False], asked.budget) if mutant.is_plain else []
+        result = run(mutant, folder, may_notice, compiled)
         folders.put(folder)
         before, after = mutant.diff((ROOT / mutant.file).read_bytes())
         return asdict(mutant) | {

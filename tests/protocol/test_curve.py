@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
@@ -158,3 +158,18 @@ def test_numbers_that_make_no_curve_are_refused_with_a_reason(changes, message):
         arguments[position] = value
     with pytest.raises(ValueError, match=message):
         Curve(*arguments)
+
+
+@settings(derandomize=True, max_examples=40, deadline=None)
+@given(curves(), st.lists(st.floats(0.0, 1.0), min_size=3, max_size=8))
+def test_a_cubic_without_weights_is_placed_as_it_is_evaluated(curve, parts):
+    _, _, xs, ys, weights = curve
+    assume(len(xs) > 3)
+    knots = clamped_knots(3, [0.5 + 0.1 * k for k in range(len(xs) - 3)])
+    placed, evaluated = (Curve(3, knots, xs, ys, [1.0] * len(weights)) for _ in range(2))
+    for part in (*parts, *sorted(parts), 0.0, 1.0):
+        s = part * placed.length
+        placed.place(s)
+        evaluated.evaluate(evaluated.parameter_at(s))
+        assert (placed.x, placed.y) == (evaluated.x, evaluated.y)
+        assert (placed.dx, placed.dy) == (evaluated.dx, evaluated.dy)

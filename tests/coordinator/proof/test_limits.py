@@ -141,3 +141,14 @@ def greatest_turn_rate(scenario):
     part = (s - ends[leg]) / (ends[leg + 1] - ends[leg])
     squares = np.square(line.v0)[leg] * (1.0 - part) + np.square(line.v1)[leg] * part
     return float(np.max(np.sqrt(squares) * bend))
+
+
+def test_a_course_may_not_begin_faster_than_its_robot_can_drive():
+    """It goes on from another course, and slows down from its first place on."""
+    curve = nurbs(1, [0, 0, 1, 1], [(0, 0), (4, 0)])
+    plan = SimpleNamespace(brake_mmps2=1_000)
+    for first, is_kept in ((1.0, True), (1.2, False)):
+        line = Timeline([0.0, 1.0, 3.0, 4.0], [first, 0.8, 0.8, 0.0], [], [])
+        driven = SimpleNamespace(id="A", curve=curve, timeline=line, plan=plan)
+        failures = limit_failures(driven, Limits(max_speed=1.0, max_accel=1.0), from_rest=False)
+        assert (failures == []) is is_kept

@@ -1,16 +1,21 @@
 """The proof of staircases refuses what is damaged, and nothing else."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from coordinator.base.errors import PlanError
+from coordinator.plan.course import Course
+from coordinator.plan.staircases import NO_STAIRCASES
 from coordinator.planning.planner import plan_fleet
-from coordinator.proof.motion_pieces import Flights
+from coordinator.proof.course_proof import pair_failures
+from coordinator.proof.motion_pieces import Flights, Pieces
 from coordinator.proof.precedence import staircase_failures
+from coordinator.scenario.margin import RESOLUTION, TOLERANCE
 from sim.floors.generator import generate
-from tests.scenarios import random_scenario
+from tests.scenarios import a_robot, a_scenario, random_scenario
 from tests.sweeps import seeds
 
 LOWER = 250
@@ -113,3 +118,31 @@ def test_more_failures_than_can_be_read_are_counted(plan):
     count = len(staircases.ahead)
     failures = staircase_failures(Flights(driven), none, margin)
     assert len(failures) == min(count, 21)
+
+
+@pytest.mark.parametrize(("short", "is_found"), [(0.9, False), (1.1, True)])
+def test_a_conflict_is_accepted_up_to_a_fixed_shortfall_of_the_distance(short, is_found):
+    """R2 passes everywhere 5 s after R1, on a line beside its, and no staircase holds it back."""
+    margin, radius = 0.05, 0.2
+    apart = 2.0 * radius + margin - short * (TOLERANCE + RESOLUTION)
+    rows = np.array([[0.0, 10.0, 0.0, 0.0, 10.0, 0.0, 0.0], [5.0, 15.0, 0, apart, 10, apart, 0.0]])
+    ones = np.arange(2)
+    flights = SimpleNamespace(
+        driven=[SimpleNamespace(id=name, radius=radius) for name in ("R1", "R2")],
+        asked=np.ones(2, np.bool_),
+        pieces=lambda _: Pieces(rows, ones, ones),
+    )
+    failures = staircase_failures(flights, replace(NO_STAIRCASES, tau_ms=600), margin)
+    assert [text.split()[0] for text in failures] == ["R2"] * is_found
+
+
+def test_the_proof_of_a_course_looks_at_every_other_one():
+    """R1's course meets that of R3 alone, which is the last of the others."""
+    places = [((1.0, 4.0), (9.0, 4.0)), ((1.0, 7.5), (9.0, 7.5)), ((5.0, 1.0), (5.0, 7.0))]
+    robots = [a_robot(f"R{k}", *ends) for k, ends in enumerate(places, start=1)]
+    courses = [Course(plan_fleet(a_scenario([robot], tau=0.6)).driven[0], 0.0) for robot in robots]
+    none = replace(NO_STAIRCASES, tau_ms=600)
+    for others in (courses[1:], courses[:0:-1]):
+        failures = pair_failures([courses[0], *others], none, 0.05)
+        assert failures
+        assert all("R1" in text and "R3" in text for text in failures)
