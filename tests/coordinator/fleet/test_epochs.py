@@ -398,3 +398,11 @@ def test_when_the_fleet_freezes_who_may_have_begun_its_next_course_has_to_say_wh
     assert not member.is_at_rest()
     floor.report("R1", DONE)
     assert member.is_at_rest()
+
+
+def test_a_robot_that_is_pushed_off_its_goal_has_not_finished_any_more():
+    member = Member(id="R1", radius=0.2, speed=0.5, plan=b"", boot=7)
+    member.take_part(b"", 0.5, 1)
+    for sequence, (phase, is_there) in enumerate([(DONE, True), (DONE, True), (BRAKING, False)], 1):
+        member.hear(Report(boot=7, sequence=sequence, epoch=1, phase=phase, fault=0), SECOND)
+        assert member.finished is is_there

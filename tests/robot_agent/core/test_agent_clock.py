@@ -28,6 +28,7 @@ from tests.robot_agent.core.phases import BODY_ACCEL, LENGTH, MOTION, PATH, run_
 from tests.robot_agent.core.rides import (
     COORDINATOR,
     MS,
+    PERIOD,
     SECOND,
     armed_run,
     driven_run,
@@ -199,7 +200,9 @@ def test_a_robot_that_cannot_learn_the_time_arms_after_a_while_and_drives_within
     run.until(given + round((CLOCK_PATIENCE - 0.1) * SECOND))
     assert (run.agent.phase, run.agent.fault) == (IDLE, CLOCK_UNSURE)
     run.until(given + round((CLOCK_PATIENCE + 0.1) * SECOND))
-    assert (run.agent.phase, run.agent.fault) == (ARMED, NO_FAULT)
+    for _ in range(5):
+        assert (run.agent.phase, run.agent.fault) == (ARMED, NO_FAULT)
+        run.until(run.now + PERIOD)
     run.start_ns = run.now + 500 * MS
     run.command(GO)
     run.until(run.start_ns - MS)
@@ -257,3 +260,11 @@ def test_a_better_offset_moves_the_clock_of_a_robot_under_way_little_by_little()
     steps = [abs(b - a) for a, b in itertools.pairwise(offsets)]
     assert abs(offsets[-1] - offsets[0]) > MS
     assert max(steps) <= 10 * MS // 50
+
+
+def test_a_tick_after_ticks_that_were_let_pass_is_on_time():
+    agent = Agent(0.5, PERIOD)
+    agent.tick(SECOND, 0.0, 0.0, 0.0)
+    agent.skip_all(5 * SECOND)
+    assert agent.skip(5 * SECOND + PERIOD)
+    assert not agent.skip(9 * SECOND)
