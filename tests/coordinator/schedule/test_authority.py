@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from coordinator.plan.plan_file import to_json
-from coordinator.plan.staircases import Staircases
+from coordinator.plan.staircases import NO_STAIRCASES, Staircases
 from coordinator.planning.planner import plan_fleet
-from coordinator.schedule.authority import SLACK_MS, Authority
+from coordinator.schedule.authority import EVER, SLACK_MS, Authority
 from coordinator.schedule.staircase_making import staircases_of
 from sim.floors.generator import generate
 from tests.oracles import tracks
@@ -215,3 +215,19 @@ def test_a_course_that_is_barred_is_granted_nothing_and_one_that_is_opened_holds
     rule.barred[0] = False
     rule.grant(9_500, HEADROOM, FAR)
     assert rule.granted[0] == 9_000 + HEADROOM
+
+
+def test_a_course_that_was_made_room_for_runs_along_another_one_until_it_begins():
+    rule, alone = Authority(NO_STAIRCASES, 1), min(1_000, SLACK_MS) + HEADROOM
+    rule.grow(1)
+    rule.renew(NO_STAIRCASES)
+    assert (rule.leads[1], rule.most[1], rule.barred[1], rule.granted[1]) == (-1, EVER, True, 0)
+    rule.grant(1_000, HEADROOM, FAR)
+    assert rule.granted.tolist() == [alone, 0]
+    rule.open(1, 0, 0)
+    rule.follow(1, 0, 300)
+    rule.grant(1_000, HEADROOM, FAR)
+    assert rule.granted[1] == 300
+    rule.part(1)
+    rule.grant(1_000, HEADROOM, FAR)
+    assert rule.granted[1] == alone
