@@ -9,6 +9,7 @@ from coordinator.findings.granted_courses import GrantedCourses
 from coordinator.findings.log_proof import prove_log
 from coordinator.log.log_file import logs_before, read_log
 from coordinator.log.recover import make_whole
+from coordinator.plan.staircases import NO_STAIRCASES
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_scenario
 from coordinator.proof.granted import Granted
@@ -198,6 +199,39 @@ def test_what_a_coordinator_that_died_may_have_granted_counts_as_far_as_the_log_
             granted.take_report(robot, Report(1, 1, 1, 2, stamp_ms=10**6))
         found.append(granted._passed[: len(names)].tolist())
     assert found == [[1_000.0] * len(names), [5_000.0] * len(names)]
+
+
+def next_course(plan, number, revision=1, begin_ms=2_000):
+    """A further course of R1, with other numbers."""
+    first = plan.driven[0].plan
+    return msgspec.structs.replace(first, number=number, revision=revision, begin_ms=begin_ms)
+
+
+def test_what_is_in_no_log_counts_on_the_next_course_as_far_as_that_is_the_same(plan):
+    granted = Granted(plan)
+    granted.take_command(go(1, 1_000))
+    granted.lose_sight(5_000)
+    granted.add_course("R1", next_course(plan, 2), [], NO_STAIRCASES, 3_000)
+    assert granted.stretches("R1") == [(0, 0.0, 5_000.0), (1, 0.0, 3_000.0)]
+    granted.take_report("R1", Report(1, 1, 1, 2, stamp_ms=10**6, revision=1))
+    assert granted.stretches("R1") == [(1, 3_000.0, 3_000.0)]
+
+
+def test_what_was_granted_to_numbers_that_were_not_known_yet_counts_for_their_courses(plan):
+    granted = Granted(plan)
+    ahead = Command(9, 1, 1, 1, GO, 0, 0, 1_000, ((3, 4_000), (4, 0)), last=5)
+    granted.add_course("R1", next_course(plan, 5), [], NO_STAIRCASES, 2_000)
+    granted.take_command(ahead)
+    granted.take_report("R1", Report(1, 1, 1, 2, stamp_ms=2_000, revision=1))
+    granted.add_course("R1", next_course(plan, 3, 2, 2_500), [], NO_STAIRCASES, 2_500)
+    assert granted.stretches("R1")[1] == (2, 2_000.0, 4_000.0)
+
+
+def test_a_command_that_says_nothing_of_a_course_grants_nothing_on_it(plan):
+    granted = Granted(plan)
+    granted.add_course("R1", next_course(plan, 2), [], NO_STAIRCASES, 2_000)
+    granted.take_command(Command(9, 1, 1, 1, GO, 0, 0, 3_000, (), last=1))
+    assert granted.stretches("R1") == [(0, 0.0, 3_000.0), (1, 0.0, 2_000.0)]
 
 
 @pytest.mark.parametrize("is_before", [True, False])
