@@ -139,6 +139,17 @@ def test_orders_that_nobody_can_do_are_refused_those_that_are_not_known_too():
     assert not book.is_open
 
 
+def test_a_demand_of_robots_that_cannot_go_on_gives_no_further_orders():
+    demand = Demand(places=((1.0, 1.0), (2.0, 2.0)), per_robot=3, first_within=5.0, seed=4)
+    book = OrderBook(demand=demand, robots=ROBOTS)
+    look(book, 100)
+    book.refuse_all(lambda task: f"{task.order.id} cannot be done")
+    assert not book.is_open
+    known = len(book.tasks)
+    look(book, 60_000, arrived=ROBOTS)
+    assert len(book.tasks) == known
+
+
 def test_a_message_becomes_an_order():
     said = messages.Order(7, "a", (1.0, 2.0, 0.5), "R1", ((3.0, 4.0),), 1_500, 2)
     assert order_of(said) == Order(

@@ -365,6 +365,8 @@ def test_another_place_that_is_closed_by_the_name_of_an_earlier_one_is_driven_ar
     say(Block(9, "wet", box(5.0, 2.0, 7.0, 4.0)))
     world.run(40.0)
     assert states(world)["across"] == ORDER_DONE
+    said = [one.text for one in world.fleet.incidents if one.kind == "block"]
+    assert said == ["wet is closed", "wet is open again", "wet is closed"]
     driven = shapely.linestrings(world.blackboxes()["R1"].places)
     assert shapely.distance(driven, shapely.box(5.0, 2.0, 7.0, 4.0)) >= 0.15
 
