@@ -432,3 +432,13 @@ def test_a_robot_that_falls_silent_while_the_fleet_freezes_is_told_of_once():
         floor.report("R3", FROZEN, s_m=1.0)
         floor.tick()
     assert told_of(floor) == ["R1 has lost its link", "R2 has fallen silent"]
+
+
+def test_time_in_which_the_coordinator_was_away_counts_against_no_robot_that_stands():
+    floor = Floor().go()
+    floor.tick()
+    still = floor.fleet.grants.standstills
+    before, latest = still.got_on_ms.copy(), still.got_on_latest_ms
+    floor.tick(passed=3 * SECOND)
+    assert (still.got_on_ms - before).tolist() == [3_000] * len(before)
+    assert still.got_on_latest_ms == latest + 3_000
