@@ -27,7 +27,8 @@ class Room:
 ROOMS: Final = {
     "proof": Room(
         ("coordinator/proof/*.py", "coordinator/scenario/margin.py"),
-        ("tests/coordinator/proof", "tests/second_checker", "tests/coordinator/findings"),
+        ("tests/coordinator/proof", "tests/second_checker", "tests/coordinator/findings",
+         "tests/coordinator/scenario/test_margin.py"),
     ),
     "agent": Room(
         ("robot_agent/core/*.py",),

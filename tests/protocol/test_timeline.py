@@ -149,3 +149,12 @@ def test_a_rest_ends_at_its_departure_and_a_robot_that_drives_does_not_rest():
 def test_numbers_that_make_no_motion_are_refused_with_a_reason(motion, message):
     with pytest.raises(ValueError, match=message):
         Timeline(*motion)
+
+
+def test_the_time_at_a_place_where_a_robot_rests_is_when_it_first_comes_there():
+    line = Timeline([0.0, 1.0, 2.0, 3.0, 4.0], [0.0, 1.0, 0.0, 1.0, 0.0], [2.0], [9.0], 0.5)
+    assert line.time_at(0.0) == line.t0[0] == 0.5
+    assert line.time_at(2.0) == line.t1[1] < line.t0[2] == 9.0
+    assert line.time_at(4.0) == line.finish
+    for s in (0.3, 1.0, 1.7, 2.2, 3.9):
+        assert line.s_at(line.time_at(s)) == pytest.approx(s)

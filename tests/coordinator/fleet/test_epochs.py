@@ -406,3 +406,12 @@ def test_a_robot_that_is_pushed_off_its_goal_has_not_finished_any_more():
     for sequence, (phase, is_there) in enumerate([(DONE, True), (DONE, True), (BRAKING, False)], 1):
         member.hear(Report(boot=7, sequence=sequence, epoch=1, phase=phase, fault=0), SECOND)
         assert member.finished is is_there
+
+
+def test_a_robot_has_arrived_when_it_first_says_so():
+    member = Member(id="R1", radius=0.2, speed=0.5, plan=b"", boot=7)
+    member.take_part(b"", 0.5, 1)
+    for sequence in (1, 2):
+        said = Report(boot=7, sequence=sequence, epoch=1, phase=DONE, fault=0)
+        member.hear(said, sequence * SECOND)
+        assert member.done_ns == SECOND
