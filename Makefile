@@ -1,11 +1,11 @@
-# make demo | quick | test | soak | setup | bench | docs | lock.  Everything is installed from the lock into .venv.
+# make demo | quick | test | mutants | soak | setup | bench | docs | lock.  Everything is installed from the lock into .venv.
 PYTHON ?= python3
 BIN := .venv/bin
 AXE := tests/system/axe/node_modules
 BESIDE := --numprocesses auto --dist worksteal --ignore tests/system
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: demo quick test soak setup check bench docs lock clean
+.PHONY: demo quick test mutants soak setup check bench docs lock clean
 
 demo: setup
 	$(BIN)/splinefleet run examples/paper_five.toml
@@ -29,6 +29,11 @@ soak: .venv/dev.stamp
 	$(BIN)/python -m benchmarks.reliability --count 200 --from-seed $(NIGHT)
 	$(BIN)/python -m benchmarks.order_campaign --count 40 --from-seed $(NIGHT)
 	$(BIN)/python -m benchmarks.mutation --count 100 --seed $(NIGHT) --minutes 30 --kept benchmarks/results/mutants-$(NIGHT).jsonl
+
+# A few minutes of mutants, others each time, of the rooms whose tests are soon watched.
+mutants: NUMBER := $(shell date +%s)
+mutants: .venv/dev.stamp
+	$(BIN)/python -m benchmarks.mutation --count 100 --seed $(NUMBER) --rooms agent authority wire --minutes 2 --jobs 2 --kept benchmarks/results/mutants-$(NUMBER).jsonl
 
 check: .venv/dev.stamp
 	$(BIN)/ruff check .

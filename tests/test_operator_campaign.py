@@ -23,7 +23,7 @@ def test_seeds_end_without_a_touch_and_their_logs_are_proven():
 
 
 def test_seeds_on_floors_that_change_end_without_a_touch_and_their_logs_are_proven():
-    result = run_seed(103, prove_each=1, floors=True)
+    result = run_seed(106, prove_each=1, floors=True)
     assert result.problems == ()
     assert result.given_up > 0
     assert result.resumed > 0

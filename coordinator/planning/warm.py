@@ -117,7 +117,13 @@ def _compile_places() -> None:
 def _compile_bends() -> None:
     """Compile the kernels of ways in space and time, which small fleets do not need."""
     from coordinator.bends.flow_search import FlowSearch
-    from coordinator.bends.traffic_kernels import count_meetings, first_meeting, gathered
+    from coordinator.bends.traffic_kernels import (
+        Errand,
+        count_meetings,
+        first_meeting,
+        gathered,
+        part_met,
+    )
 
     robots = _robot("A", (1.0, 1.0), (9.0, 1.0)), _robot("B", (9.0, 1.1), (1.0, 1.1))
     finder = Pathfinder(_scenario(robots, ()))
@@ -140,6 +146,7 @@ def _compile_bends() -> None:
     traffic = gathered(samples, np.zeros(1, np.int64), 0.0, 0.0, 1.0, 1, 1)
     first_meeting(samples, traffic, 0, 0.2, 0.5)
     count_meetings(samples, traffic, 0, 0.2, 0.5, 1)
+    part_met(samples, Errand(np.zeros(2), np.ones(2), 0.0, 1.0, 1.0), 0.2, 0.5, 0.0)
 
 
 def _compile_maps() -> None:
