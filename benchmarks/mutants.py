@@ -46,6 +46,7 @@ ROOMS: Final = {
          "tests/coordinator/schedule/test_staircase_making.py",
          "tests/coordinator/plan/test_course_staircases.py",
          "tests/coordinator/proof/test_precedence.py",
+         "tests/coordinator/planning/test_course_proposal.py",
          "tests/coordinator/fleet/test_grants.py"),
     ),
     "wire": Room(
