@@ -8,6 +8,7 @@ import pytest
 
 from coordinator.fleet.grants import Grants
 from coordinator.fleet.sent_courses import Sent
+from coordinator.fleet.standstills import STUCK_MS
 from coordinator.plan.staircases import Staircases
 from coordinator.schedule.authority import EVER
 from protocol.messages import MOST_HELD, Command, Report
@@ -121,6 +122,15 @@ def test_a_robot_that_was_given_up_is_granted_nothing_more_whatever_is_closed_or
     copy = Grants.of_plain(grants.plain())
     copy.ends.limit("R1", EVER)
     assert (0, 1_000) in state(copy, 3_000)[1]
+
+
+@pytest.mark.parametrize(("most_ms", "is_stuck"), [(500, False), (50_000, True)])
+def test_a_robot_that_stands_is_stuck_unless_it_may_drive_no_farther(most_ms, is_stuck):
+    grants = Grants(staircases(), ["R1"], HEADROOM)
+    grants.ends.limit("R1", most_ms)
+    for now in range(0, 2 * STUCK_MS, 100):
+        state(grants, now)
+    assert (grants.stuck(now) == {"R1"}) is is_stuck
 
 
 def test_a_robot_that_is_halted_stays_so_whatever_is_opened_until_it_may_go_on():
