@@ -47,7 +47,8 @@ def errand_of(robot: Robot, leaves: float, latest: float, speed: float) -> Erran
 class CoursesMet:
     """The courses of others as boxes in space and time; `late`: how late [s] robots may be.
 
-    Where courses end for good there is no way for others; most paths keep off these places.
+    Paths and meshes keep off places where robots rest for good, if they can, so most courses do not
+    count for where they end.
     """
 
     def __init__(self, courses: Sequence[Course], late: Mapping[str, float]) -> None:
