@@ -6,6 +6,7 @@ Decides: how far the curve may be from its chords.  Must not know: robots, or wh
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -42,6 +43,19 @@ class Chords:
     s: Array
     points: Array
     error: float
+
+    @cached_property
+    def middles(self) -> Array:
+        """The middles of chords and half their lengths, (n + 1, 3) [m]; the last row is none."""
+        steps = 0.5 * np.diff(self.points, axis=0, append=self.points[-1:])
+        return np.column_stack((self.points + steps, np.hypot(steps[:, 0], steps[:, 1])))
+
+    def part(self, first: int, last: int) -> Chords:
+        """Return the chords from one vertex to another."""
+        which = slice(first, last + 1)
+        found = Chords(self.s[which], self.points[which], self.error)
+        found.__dict__["middles"] = self.middles[which]
+        return found
 
 
 def chords_of(curve: Nurbs, tolerance: float = 5e-4) -> Chords:

@@ -25,7 +25,6 @@ from coordinator.bends.among_courses import Times, pitches_of, traffic_for
 from coordinator.bends.courses import may_bend
 from coordinator.bends.courses_met import CoursesMet, errand_of, stretch_of
 from coordinator.bends.traffic_kernels import Errand
-from coordinator.curves.chords import Chords
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.ground.free_space import NO_DISCS
 from coordinator.motion.velocity_profile import Motion, SpeedLimits, limits_on
@@ -299,7 +298,11 @@ def _resting(driven: Driven) -> Robot:
 
 
 def _track(site: Site, robot: Robot, path: Nurbs) -> Track:
-    speed = site.scenario.planned_speed(robot)
+    return _driven_alone(path, robot, site.scenario.planned_speed(robot))
+
+
+@kept
+def _driven_alone(path: Nurbs, robot: Robot, speed: float) -> Track:
     accel = BRAKING_SHARE * robot.max_accel
     limits = limits_on(path, speed, accel, robot.max_lateral_accel, robot.max_turn_rate)
     return Track(limits, Course.chords_of(path))
@@ -424,8 +427,7 @@ def _part(driven: Driven, begin: float, end: float) -> Track:
     stop = max(int(chords.s.searchsorted(end, side="left")), first + 1)
     if first <= 0 and stop >= last:
         return track
-    kept = slice(max(first, 0), stop + 1)
-    return replace(track, chords=Chords(chords.s[kept], chords.points[kept], chords.error))
+    return replace(track, chords=chords.part(max(first, 0), stop))
 
 
 @kept

@@ -35,9 +35,6 @@ _LEG_BEGIN, _LEG_END, _LEG_S, _LEG_V, _LEG_RATE = range(5)
 """Columns of legs (n, 5): begin and end [s], arc length [m] and speed [m/s] at the begin,
 acceleration [m/s^2]."""
 
-_BEFORE: Final = np.array([-1])
-"""The leg on which a robot stands before it departs, as its first leg after that is 0."""
-
 _TIME, _X, _Y, _S = range(4)
 """Columns of nodes (m, 4): time [s], place [m] and exact arc length [m]."""
 
@@ -82,17 +79,26 @@ class Flights:
 
     def __init__(self, driven: Sequence[Driven], part: Part | None = None) -> None:
         self.driven = driven
-        self._spans = [(0.0, math.inf)] * len(driven) if part is None else list(part.spans)
-        begins = [begin for begin, _ in self._spans]
-        self.finish = 1.0 + max([*(one.timeline.finish for one in driven), *begins])
+        spans = [(0.0, math.inf)] * len(driven) if part is None else list(part.spans)
+        begin, end = np.array(spans).reshape(-1, 2).T
+        departs, start, arrives, goal = np.array([_ends(one) for one in driven]).reshape(-1, 4).T
+        self.finish = 1.0 + max([*arrives.tolist(), *begin.tolist()])
         self.asked = np.ones(len(driven), np.bool_) if part is None else np.array(part.asked)
-        spans = list(zip(driven, self._spans, strict=True))
-        stands = [_standing_legs(one, span, self.finish) for one, span in spans]
-        drives = [_driving_legs(one, *_under_way(one, *span)) for one, span in spans]
-        pairs = zip(stands, drives, strict=True)
-        parts = [legs for (before, after), drive in pairs for legs in (before, drive, after)]
-        self._sizes = np.array([len(legs) for legs in parts], np.int64).reshape(-1, 3)
-        self._legs = np.concatenate(parts)
+        under_way = np.column_stack((np.maximum(begin, departs), np.minimum(end, arrives)))
+        self._ways = list(zip(driven, map(tuple, under_way.tolist()), strict=True))
+        drives = [_driving_legs(one, *span) for one, span in self._ways]
+        before = _standing(begin, np.minimum(departs, end), start)
+        after = _standing(np.maximum(arrives, begin), np.minimum(end, self.finish), goal)
+        stands = np.stack((before, after), axis=1)
+        lasts = stands[:, :, _LEG_BEGIN] < stands[:, :, _LEG_END]
+        moving = [len(legs) for legs in drives]
+        self._sizes = np.column_stack((lasts[:, 0], moving, lasts[:, 1])).astype(np.int64)
+        still = _standing_ends(self._sizes)
+        self._legs = np.empty((int(self._sizes.sum()), 5))
+        self._legs[still] = stands[lasts]
+        moves = np.ones(len(self._legs), np.bool_)
+        moves[still] = False
+        self._legs[moves] = np.concatenate(drives)
         self._robot = np.repeat(np.arange(len(driven)), self._sizes.sum(axis=1))
         self._noise = _ARC_ERRORS * np.array([one.arc_error for one in driven])
         self._is_part = part is not None
@@ -105,19 +111,18 @@ class Flights:
         """
         if not self._is_part:
             return self._pieces_of(np.arange(len(self._legs)), tolerance)
-        spans = zip(self.driven, self._spans, strict=True)
-        own = [_own_pieces(one, *_under_way(one, *span), tolerance) for one, span in spans]
-        ends: Indices = np.cumsum(self._sizes).reshape(-1, 3)
-        still = self._standing_pieces(ends[:, ::2][self._sizes[:, ::2] > 0] - 1)
-        rows, legs, at = list[Array](), list[Indices](), 0
-        for one, (before, moving, after) in zip(own, self._sizes.tolist(), strict=True):
-            until = at + before + after
-            rows += [still.rows[at : at + before], one.rows, still.rows[at + before : until]]
-            legs += [_BEFORE[:before], one.leg, np.array([moving])[:after]]
-            at = until
-        sizes = self._sizes[:, ::2].sum(axis=1) + np.array([len(one.rows) for one in own])
-        robot = np.repeat(np.arange(len(own)), sizes)
-        return Pieces(np.concatenate(rows), robot, np.concatenate(legs) + ends[robot, 0])
+        own = [_own_pieces(one, *span, tolerance) for one, span in self._ways]
+        sizes = self._sizes.copy()
+        sizes[:, 1] = [len(one.rows) for one in own]
+        robot = np.repeat(np.arange(len(own)), sizes.sum(axis=1))
+        rows, leg = np.empty((len(robot), 7)), np.empty(len(robot), np.int64)
+        borders = np.cumsum(sizes).reshape(-1, 3)[:, :2]
+        for one, (begin, end) in zip(own, borders.tolist(), strict=True):
+            rows[begin:end], leg[begin:end] = one.rows, one.leg
+        leg += np.cumsum(self._sizes).reshape(-1, 3)[robot, 0]
+        still, legs = _standing_ends(sizes), _standing_ends(self._sizes)
+        rows[still], leg[still] = self._standing_pieces(legs).rows, legs
+        return Pieces(rows, robot, leg)
 
     def _standing_pieces(self, legs: Indices) -> Pieces:
         """Return the pieces of these legs, on which robots stand."""
@@ -216,14 +221,16 @@ def _place(driven: Driven, s: float) -> tuple[float, float]:
     return x, y
 
 
-def _under_way(driven: Driven, begin: float, end: float) -> tuple[float, float]:
-    """Return the part of a span of time [s] between a robot's departure and its arrival."""
-    return max(begin, float(driven.legs[0, 0])), min(end, driven.timeline.finish)
+@kept
+def _ends(driven: Driven) -> tuple[float, float, float, float]:
+    """Return when [s] and where [m] a robot departs, and when and where it arrives."""
+    line, (departs, start) = driven.timeline, driven.legs[(0, 2), 0].tolist()
+    return departs, start, line.finish, line.length
 
 
 @kept
 def _driving_legs(driven: Driven, begin: float, end: float) -> Array:
-    """Return the legs (n, 5) of a motion in a span of time [s] that `_under_way` returns.
+    """Return the legs (n, 5) of a motion in a span of time [s] between departure and arrival.
 
     There is a leg for each rest on the way.
     """
@@ -240,17 +247,15 @@ def _driving_legs(driven: Driven, begin: float, end: float) -> Array:
     return legs[legs[:, _LEG_BEGIN] < legs[:, _LEG_END]]
 
 
-def _standing_legs(driven: Driven, span: tuple[float, float], finish: float) -> tuple[Array, Array]:
-    """Return the legs (0 or 1, 5) of a robot before it departs, and at its goal until `finish`.
+def _standing(since: Array, until: Array, s: Array) -> Array:
+    """Return legs (n, 5) of robots that stand at s [m]; some may have no duration."""
+    return np.column_stack((since, until, s, np.zeros(len(s)), np.zeros(len(s))))
 
-    All times [s]; both in the span.
+
+def _standing_ends(sizes: Indices) -> Indices:
+    """Return which rows are a robot's stand before it departs or after it has arrived, in order.
+
+    sizes (n, 3): how many rows each robot has before, between and after.
     """
-    begin, end = span
-    line, (departs, s) = driven.timeline, driven.legs[(0, 2), 0]
-    before = _standing(begin, min(departs, end), s)
-    return before, _standing(max(line.finish, begin), min(end, finish), line.length)
-
-
-def _standing(since: float, until: float, s: float) -> Array:
-    """Return the leg (1, 5) of a robot that stands at s [m]; none if that has no duration."""
-    return np.array([[since, until, s, 0.0, 0.0]])[: int(since < until)]
+    ends: Indices = np.cumsum(sizes).reshape(-1, 3)[:, ::2]
+    return ends[sizes[:, ::2] > 0] - 1

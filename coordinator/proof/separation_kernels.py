@@ -233,10 +233,10 @@ def near_pairs(
             a = order[i]
             for j in range(i + 1, len(order)):
                 b = order[j]
-                if not (asked[a] or asked[b]):
-                    continue
                 if boxes[b, _LEFT] - boxes[a, _RIGHT] > limit:
                     break
+                if not (asked[a] or asked[b]):
+                    continue
                 if boxes[b, _BOTTOM] - boxes[a, _TOP] > limit:
                     continue
                 if boxes[a, _BOTTOM] - boxes[b, _TOP] > limit:

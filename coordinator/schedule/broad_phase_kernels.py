@@ -16,6 +16,7 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from coordinator.base.compiled import allocation_free, compiled
 from coordinator.curves.nurbs_kernels import Array, Indices
@@ -128,17 +129,47 @@ def columns_in(
     return first, min(math.floor((right - frame.left) / frame.cell), frame.columns - 1)
 
 
+@allocation_free
+def _rows_in(points: Array, stretch: Indices, pad: float, frame: Frame) -> tuple[int, int]:
+    """Return the first and last row that a stretch grown by `pad` [m] may touch."""
+    ay, by = points[stretch[BEGIN], 1], points[stretch[END], 1]
+    first = max(math.floor((min(ay, by) - pad - frame.low) / frame.cell), 0)
+    last = math.floor((max(ay, by) + pad - frame.low) / frame.cell)
+    return first, min(last, frame.rows - 1)
+
+
 @compiled
-def lay_out(points: Array, stretches: Indices, shapes: Array, frame: Frame) -> Grid:
-    """Return stretches in a grid, and write their FIRST_CELL and PAST_CELL."""
+def _touched(
+    points: Array, stretches: Indices, shapes: Array, asked: Indices, frame: Frame
+) -> npt.NDArray[np.bool_]:
+    """Tell of each cell whether a robot that is asked for touches it."""
+    found = np.full(frame.columns * frame.rows, bool(asked.all()))
+    if found[0]:
+        return found
+    for g in range(len(stretches)):
+        if not asked[stretches[g, ROBOT]]:
+            continue
+        pad = shapes[g, OUT] + 1e-6
+        low, high = _rows_in(points, stretches[g], pad, frame)
+        for row in range(low, high + 1):
+            c0, c1 = columns_in(points, stretches[g], pad, frame, row)
+            found[row * frame.columns + c0 : row * frame.columns + c1 + 1] = True
+    return found
+
+
+@compiled
+def lay_out(points: Array, stretches: Indices, shapes: Array, asked: Indices, frame: Frame) -> Grid:
+    """Return stretches in a grid, and write their FIRST_CELL and PAST_CELL.
+
+    Only cells that a robot touches with asked[r] == 1 have entries: no other cell is looked up.
+    """
     columns, rows = frame.columns, frame.rows
     begin = np.zeros(columns * rows + 2, np.int64)
+    wanted = _touched(points, stretches, shapes, asked, frame)
     cells, total = np.empty(8 * len(stretches) + 8, np.int64), 0
     for g in range(len(stretches)):
         pad = shapes[g, OUT] + 1e-6
-        ay, by = points[stretches[g, BEGIN], 1], points[stretches[g, END], 1]
-        low = max(math.floor((min(ay, by) - pad - frame.low) / frame.cell), 0)
-        high = min(math.floor((max(ay, by) + pad - frame.low) / frame.cell), rows - 1)
+        low, high = _rows_in(points, stretches[g], pad, frame)
         stretches[g, FIRST_CELL] = total
         for row in range(low, high + 1):
             c0, c1 = columns_in(points, stretches[g], pad, frame, row)
@@ -147,6 +178,8 @@ def lay_out(points: Array, stretches: Indices, shapes: Array, frame: Frame) -> G
                 wider[:total] = cells[:total]
                 cells = wider
             for column in range(c0, c1 + 1):
+                if not wanted[row * columns + column]:
+                    continue
                 cells[total] = row * columns + column
                 begin[cells[total] + 2] += 1
                 total += 1

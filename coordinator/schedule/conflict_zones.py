@@ -107,9 +107,8 @@ def _gather(
     size = max(_CELL * need, float(np.sqrt(np.prod(high - low + need) / (4 * len(stretches) + 64))))
     columns, rows = (np.floor((high - low) / size).astype(int) + 1).tolist()
     frame = Frame(float(low[0]), float(low[1]), size, columns, rows)
-    grid = lay_out(points, stretches, shapes, frame)
-    steps = 0.5 * np.diff(points, axis=0, append=points[-1:])
-    middles = np.column_stack((points + steps, np.hypot(steps[:, 0], steps[:, 1])))
+    grid = lay_out(points, stretches, shapes, asked, frame)
+    middles = np.concatenate([path.middles for path in chords])
     return Fleet(asked, first, line, middles, half, grid)
 
 

@@ -5,6 +5,7 @@ Decides: which pairs have a staircase, and how fine it is.  Must not know: who d
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -32,6 +33,10 @@ _CELL: Final = 0.01
 
 _TOLERANCE: Final = 20
 """By how much [ms] a staircase may lie above its steps, so that it has few knots."""
+
+_MUCH: Final = 500.0
+"""Cells and tolerance are twice as long if the paths that are asked for lead through more than so
+many metres of zones in the mean: among hundreds of robots, but not among 100."""
 
 _CHORD_ERROR: Final = 1e-3
 """How far [m] chords may lie off their paths here; staircases ask for that much more distance."""
@@ -73,8 +78,11 @@ def staircases_among(course: Course, near: Sequence[Course], terms: PlanDocument
     radii = np.array([one.radius for one in driven])
     errors = np.array([path.error for path in paths])
     start = shapely.Point(paths[0].points[0])
-    ways = [shapely.linestrings(path.points) for path in paths[1:]]
-    left = shapely.distance(start, ways) - (radii + errors)[1:] - radii[0] - errors[0] - _ROUNDING
+    ways, wide = np.array([_line_of(one.curve) for one in driven[1:]], object), radii + errors
+    may_lack = shapely.dwithin(start, ways, wide[1:] + wide[0] + reach + _ROUNDING)
+    left = np.full(len(ways), math.inf)
+    left[may_lack] = shapely.distance(start, ways[may_lack]) - wide[1:][may_lack]
+    left = left - radii[0] - errors[0] - _ROUNDING
     less = np.where(left < terms.margin, 0.0, np.maximum(reach - left, 0.0))
     found = staircases_of(driven, terms.tau, reach, (0,), since, less=[0.0, *less])
     return replace(found, ahead=places[found.ahead], behind=places[found.behind])
@@ -105,11 +113,14 @@ def staircases_of(
         np.concatenate([path.s for path in paths]), np.concatenate([path.points for path in paths])
     )
     fleet = (_legs_of(driven, since), np.cumsum([0, *(len(path.s) for path in paths)]), lines)
+    asked = 0.5 * len(driven) if among is None else len(among)
+    is_much = 0.5 * float(np.diff(zones.extent.reshape(-1, 2, 2)).sum()) > _MUCH * asked
+    scale = 2 if is_much else 1
     tasks = [_task(zones, half, *borders) for borders in _borders(zones)]
     if executor is None or len(tasks) == 1:
-        parts = [_steps(*fleet, *task) for task in tasks]
+        parts = [_steps(*fleet, *task, scale) for task in tasks]
     else:
-        waiting = [executor.submit(_steps, *fleet, *task) for task in tasks]
+        waiting = [executor.submit(_steps, *fleet, *task, scale) for task in tasks]
         parts = [future.result() for future in waiting]
     return _in_order(parts, int(1000.0 * tau))
 
@@ -129,10 +140,10 @@ def _task(zones: Zones, half: Array, begin: int, end: int) -> tuple[Pairing, Zon
 
 
 def _steps(
-    legs: Legs, first: Indices, lines: Polyline, zones: Pairing, chords: ZoneChords
+    legs: Legs, first: Indices, lines: Polyline, zones: Pairing, chords: ZoneChords, scale: int
 ) -> Steps:
     """Return the staircases of some zones; an executor's process can call this function."""
-    found = staircases(legs, first, lines, zones, chords, _CELL, _TOLERANCE)
+    found = staircases(legs, first, lines, zones, chords, scale * _CELL, scale * _TOLERANCE)
     return found._replace(knots=found.knots.astype(np.int32))
 
 
@@ -159,6 +170,11 @@ def _in_order(parts: Sequence[Steps], tau_ms: int) -> Staircases:
 @kept
 def _chords_of(curve: Nurbs) -> Chords:
     return chords_of(curve, _CHORD_ERROR)
+
+
+@kept
+def _line_of(curve: Nurbs) -> shapely.LineString:
+    return shapely.linestrings(_chords_of(curve).points)
 
 
 def _legs_of(driven: Sequence[Driven], since: Sequence[float] | None) -> Legs:
