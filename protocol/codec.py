@@ -16,6 +16,7 @@ from typing import Final
 import msgspec
 
 from protocol.messages import (
+    LEAST_ACCEL,
     MAX_MESSAGE_BYTES,
     Admit,
     Block,
@@ -135,7 +136,8 @@ def _is_sane(message: Message) -> bool:
         numbers = [*message.goal, *(number for place in message.via for number in place)]
         return all(map(math.isfinite, numbers))
     if isinstance(message, Join):
-        return all(map(math.isfinite, message.place))
+        accel = message.max_accel_mps2
+        return all(map(math.isfinite, message.place)) and (accel == 0.0 or accel >= LEAST_ACCEL)
     if isinstance(message, Block):
         return all(math.isfinite(number) for place in message.polygon for number in place)
     if isinstance(message, Report):

@@ -300,6 +300,10 @@ class Unblock(msgspec.Struct, frozen=True, array_like=True, tag=15):
     by: Operator = ""
 
 
+LEAST_ACCEL: Final = 0.001
+"""A robot that joins with a lower acceleration [m/s^2] would never get away."""
+
+
 class Join(msgspec.Struct, frozen=True, array_like=True, tag=16):
     """An operator takes a robot into the fleet: where it stands (x, y [m], heading [rad]).
 
@@ -310,11 +314,11 @@ class Join(msgspec.Struct, frozen=True, array_like=True, tag=16):
     boot: Counter
     robot: RobotId
     place: tuple[Coordinate, Coordinate, Coordinate]
-    radius_m: Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
-    max_speed_mps: Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
+    radius_m: Annotated[float, msgspec.Meta(ge=0.001, le=100.0)]
+    max_speed_mps: Annotated[float, msgspec.Meta(ge=0.001, le=100.0)]
     max_accel_mps2: Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)] = 0.0
     min_turn_radius_m: Annotated[float, msgspec.Meta(ge=0.0, le=1000.0)] = 0.0
-    max_turn_rate: Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)] = 2.0
+    max_turn_rate: Annotated[float, msgspec.Meta(ge=0.001, le=1000.0)] = 2.0
     by: Operator = ""
 
 

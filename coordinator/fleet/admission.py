@@ -143,6 +143,8 @@ class Door:
             self._tell(now_ns, "not admitted", robot, reason)
 
     def _knock(self, member: Member, hello: Hello, now_ns: int) -> None:
+        if member.is_older_than_at_door(hello.boot, now_ns):
+            return
         known = member.admission.hello
         if known is None or known.boot != hello.boot:
             words = f"{member.id} is back; {_admit(member)} lets it in if it stands where it says"

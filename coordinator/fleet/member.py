@@ -123,7 +123,7 @@ class Member:
     """Whether it joins a fleet under way, and no process of it was sent a course yet."""
 
     hellos: dict[int, int] = field(default_factory=dict)
-    """The sequence number of each process's newest Hello, by boot id; the latest heard is last."""
+    """The sequence number of each process's newest Hello, by boot id, as they were first heard."""
 
     @property
     def rest_s(self) -> float | None:
@@ -132,11 +132,22 @@ class Member:
 
     def has_heard(self, hello: Hello) -> bool:
         """Record a Hello; return whether it or a later one of its process was heard before."""
-        newest = self.hellos.pop(hello.boot, 0)
+        newest = self.hellos.get(hello.boot, 0)
         self.hellos[hello.boot] = max(newest, hello.sequence)
         if len(self.hellos) > BOOTS:
             del self.hellos[next(iter(self.hellos))]
         return 0 < hello.sequence <= newest
+
+    def is_older_than_at_door(self, boot: int, now_ns: int) -> bool:
+        """Return whether a program was first heard before the one that waits to be admitted.
+
+        Its Hello may be a late one, with a place where the robot does not stand any more.
+        """
+        there, boots = self.admission.hello, list(self.hellos)
+        if there is None or not {boot, there.boot} <= set(boots):
+            return False
+        is_older = boots.index(boot) < boots.index(there.boot)
+        return is_older and self.admission.is_at_door(self.timeout_ns, now_ns)
 
     def knock(self, hello: Hello, now_ns: int) -> None:
         """Record that a robot of this name has come back, so that an operator may admit it."""

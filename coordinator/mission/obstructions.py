@@ -467,13 +467,21 @@ class Obstructions:
         return closed
 
     def _is_on_course(self, robot: str, place: Point) -> bool:
-        """Return whether a robot that has come back to a place stands where it was given up."""
+        """Return whether a robot that has come back to a place stands where it was given up.
+
+        Others go around what is solid for it, which may be less than it was granted: one that had
+        said where it rests may have been pushed on since.
+        """
         mine, site = self._fleet.grants.of(robot), self.site
         if mine is None or mine.now.course is None or site is None:
             return True
-        places = self._places(robot, mine.now.course.driven)
-        apart = np.hypot(*(places - np.array(place)).T)
-        return float(apart.min()) <= on_path(site.terms.margin)
+        beside, ring = on_path(site.terms.margin), self._around.get(robot)
+        if ring is None:
+            places = self._places(robot, mine.now.course.driven)
+            return float(np.hypot(*(places - np.array(place)).T).min()) <= beside
+        solid, disc = shapely.Polygon(ring), shapely.Point(place)
+        inside = float(shapely.distance(solid.exterior, disc))
+        return bool(solid.contains(disc)) and inside >= self._robots[robot].radius - beside
 
     def _keep_out(self, member: Member, name: str, now_ns: int, now_ms: int) -> None:
         """Let a robot drive no farther than a closed place, and go around it, or leave it."""

@@ -181,6 +181,7 @@ typedef struct {
     sf_leader leader;
     sf_rest rest;
     uint32_t epoch, number, revision, next_number, holds;
+    uint32_t taken; /* the newest course that it has held; one that it dropped is gone for good */
     const void *robot; /* the sf_robot */
     sf_course *ride, *coming;
     uint32_t spent_epoch, report_sequence, hellos, newest_term, newest_boot;

@@ -182,7 +182,7 @@ bool sf_takes_plan(sf_agent *agent, sf_plan *plan) {
     }
     if (!is_of_leader(agent, plan)) return false;
     plan->next = takes_courses(agent, plan);
-    if (plan->next) return plan->revision > agent->holds && !agent->coming;
+    if (plan->next) return plan->revision > agent->taken && !agent->coming;
     if (!before_motion(agent)) return false;
     if (plan->epoch <= agent->epoch || plan->epoch <= agent->spent_epoch) return false;
     agent->phase = SF_IDLE;
@@ -203,7 +203,7 @@ static void hear_course(sf_agent *agent, const sf_plan *plan, sf_course *coming)
     sf_end_with(ride, coming);
     agent->coming = coming;
     agent->next_number = plan->number;
-    agent->holds = plan->revision;
+    agent->holds = agent->taken = plan->revision;
 }
 
 void sf_plan_taken(sf_agent *agent, sf_course *course, bool valid) {
@@ -221,7 +221,7 @@ void sf_plan_taken(sf_agent *agent, sf_course *course, bool valid) {
     agent->ride = course;
     agent->epoch = plan->epoch;
     agent->number = agent->next_number = plan->number;
-    agent->revision = agent->holds = plan->revision;
+    agent->revision = agent->holds = agent->taken = plan->revision;
 }
 
 void sf_driver_failed(sf_agent *agent, int64_t now_ns) {

@@ -152,10 +152,11 @@ bool sf_is_over(sf_course *course, sf_course *coming, sf_real now) {
     sf_real until = course->until;
     if (now < until || (course->time < until && course->time < course->timeline.finish)) return false;
     sf_real enough = sf_least(told(course, course), course->time + course->foresight);
-    if (!coming->from_rest && told(coming, course) < enough) return false;
-    sf_real left = room(course, until);
-    if (left <= sf_most(ARRIVAL_SLACK, course->speed * course->period)) return true;
-    return is_stuck(course) && left <= ARRIVAL_SHARE * course->track;
+    if (!coming->from_rest && (course->may_turn || told(coming, course) < enough)) return false;
+    sf_real left = room(course, until), off = course->follower.off, track = course->track;
+    if (left <= ARRIVAL_SLACK) return true;
+    if (left * left + off * off > track * track) return false;
+    return left <= (is_stuck(course) ? ARRIVAL_SHARE * track : course->speed * course->period);
 }
 
 void sf_follow(sf_course *course, sf_course *before) {

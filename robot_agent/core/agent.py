@@ -91,6 +91,7 @@ class Agent:
         self.clock, self.phase, self.fault = ClockSync(), IDLE, NO_FAULT
         self.epoch = self.number = self.revision = 0
         self.next_number = self.holds = 0
+        self._taken = 0  # The newest course that it has held: one that it dropped is gone for good.
         self.finished = False
         self.ride: Ride | None = None
         self._coming: Ride | None = None
@@ -191,7 +192,7 @@ class Agent:
         if boot != leader.boot or epoch != leader.epoch:
             return
         if epoch == self.epoch and self.ride is not None and self.phase in _TAKE_COURSES:
-            if revision > self.holds:
+            if revision > self._taken:
                 self._hear_course(self.ride, number, revision, rules, path, motion)
             return
         if self.phase not in (IDLE, ARMED) or epoch <= max(self.epoch, self._spent_epoch):
@@ -201,7 +202,7 @@ class Agent:
         try:
             self.ride = Ride(epoch, rules, path, motion, self._max_speed, self._period)
             self.epoch, self.number, self.next_number = epoch, number, number
-            self.revision = self.holds = revision
+            self.revision = self.holds = self._taken = revision
         except (ValueError, ArithmeticError, IndexError):
             self.fault = BAD_PLAN
 
@@ -225,7 +226,8 @@ class Agent:
             fits = ride.leads_into(coming, self.phase == DONE)
         if fits:
             ride.end_with(coming)
-            self._coming, self.next_number, self.holds = coming, number, revision
+            self._coming, self.next_number = coming, number
+            self.holds = self._taken = revision
 
     def hear_clock(
         self, coordinator: int, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int

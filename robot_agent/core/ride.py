@@ -216,17 +216,22 @@ class Ride:
     def is_over(self, coming: "Ride", now: float) -> bool:
         """Return whether the next course has begun at a plan time [s], and the robot is there.
 
-        To go on in motion it has to be granted as much on that course as on this one, or enough.
+        To go on in motion it has to be granted as much on that course as on this one, or enough,
+        and have turned towards this one.  It is there up to a tick early, but no farther off than
+        the track tolerance: who changes has passed the newer course's beginning, others count on.
         """
         if now < self._until or self.time < min(self._until, self._timeline.finish):
             return False
         enough = min(self._told, self.time + self._foresight)
-        if coming._told < enough and not coming.begins_at_rest():
+        if not coming.begins_at_rest() and (self.may_turn or coming._told < enough):
             return False
         left = self._timeline.s_at(self._until) - self.follower.s
-        return left <= max(ARRIVAL_SLACK, self.speed * self._period) or (
-            self._watch - self._stuck_from >= REST_TIME and left <= ARRIVAL_SHARE * self.track
-        )
+        if left <= ARRIVAL_SLACK:
+            return True
+        if left * left + self.follower.off * self.follower.off > self.track * self.track:
+            return False
+        is_stuck = self._watch - self._stuck_from >= REST_TIME
+        return left <= (ARRIVAL_SHARE * self.track if is_stuck else self.speed * self._period)
 
     def follow(self, before: "Ride") -> None:
         """Go on from the course before this one, at this one's beginning or along it."""

@@ -301,3 +301,28 @@ def test_a_new_epoch_ends_the_waiting_for_a_robot_that_has_no_part_in_it():
     ask(floor)
     floor.take(floor.fleet.adopt(3, {"R1": PARTS["R1"]}, floor.now, grants()))
     assert not floor.fleet.members["R2"].admission.is_awaited
+
+
+def test_a_late_hello_of_a_program_that_was_ended_is_not_taken_for_the_newer_one_at_the_door():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    floor.hello("R2", boot=8, sequence=1)
+    floor.hello("R2", boot=9, sequence=1)
+    ask(floor)
+    floor.hello("R2", boot=8, sequence=2, place=(3_000, 6_500, 0))
+    assert floor.fleet.members["R2"].rest is None
+    floor.hello("R2", boot=9, sequence=2, place=(10_000, 4_000, 0))
+    assert floor.fleet.members["R2"].rest.place == (10.0, 4.0, 0.0)
+    assert floor.fleet.members["R2"].boot == 9
+
+
+def test_a_program_is_heard_again_when_the_newer_one_is_gone():
+    floor = frozen_but("R2")
+    adopt(floor, "R1", "R3")
+    floor.hello("R2", boot=8, sequence=1)
+    floor.hello("R2", boot=9, sequence=1)
+    floor.tick(REPORT_TIMEOUT + COMMAND_PERIOD)
+    floor.hello("R2", boot=8, sequence=2)
+    ask(floor)
+    floor.hello("R2", boot=8, sequence=3, place=(1_500, 0, 0))
+    assert floor.fleet.members["R2"].boot == 8

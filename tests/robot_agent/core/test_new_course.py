@@ -369,6 +369,23 @@ def test_a_robot_that_fails_before_it_sets_out_goes_on_on_a_course_from_where_it
     assert (run.agent.phase, run.agent.revision, run.agent.fault) == (MOVING, 1, 0)
 
 
+def test_a_robot_that_dropped_a_course_when_it_stopped_does_not_take_a_late_copy_of_it():
+    length = Curve(*LINE).length
+    motion = motion_along(length, SPEED, ACCEL)
+    finish = Timeline(*motion).finish
+    run = driven_run(LINE, motion, finish - 0.1, body=body())
+    give_line(run, finish + 3.0, 1.0 + length, 0.0)
+    assert run.agent.holds == 1
+    run.body.place(1.0 + length - 0.01, 2.0, 0.0)
+    run.agent.hear_driver_error(run.own(run.now))
+    go_on(run, 1.0)
+    assert (run.agent.phase, run.agent.holds) == (FROZEN, 0)
+    give_line(run, finish + 3.0, 1.0 + length, 0.0)
+    assert run.agent.holds == 0
+    give_line(run, finish + 3.0, 1.0 + length, 0.0, revision=2)
+    assert run.agent.holds == 2
+
+
 def test_a_robot_that_has_stopped_takes_no_course_that_begins_elsewhere():
     run = stopped_run()
     path, motion = course_from_here(run, aside=0.1)

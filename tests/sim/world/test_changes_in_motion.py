@@ -12,6 +12,8 @@ from coordinator.schedule.authority import EVER, Authority
 from coordinator.service.replay import check_log
 from protocol.messages import CANCELLED, GO_ON, HALT, ORDER_DONE, Cancel, Tell
 from protocol.messages import Order as Said
+from protocol.timing import SECOND
+from sim.world.fault_text import Fault
 from sim.world.run_logs import RunLogs
 from tests.scenarios import a_robot, a_scenario
 from tests.sim.world.test_orders_in_time import (
@@ -212,3 +214,50 @@ def test_authority_on_a_course_that_nobody_reported_beyond_where_it_parts_is_fou
         for epoch in proof.epochs
         for failure in epoch.failures
     )
+
+
+def a_late_change(speed, accel, wanted, margin):
+    """R1 stalls as it takes a course for which it turns first, and gets one that begins in motion.
+
+    Returns the world in which R1 has just changed to that.
+    """
+    quick = {"max_speed": speed, "max_accel": accel, "max_lateral_accel": accel}
+    robots = (idle("R1", (5.0, 4.0), **quick), idle("R2", (9.0, 7.0)))
+    orders = (Order(id="first", goal=(1.0, 4.0), robot="R1", release=2.0),)
+    scenario = a_scenario(robots, size=(10.0, 8.0), orders=orders, margin=margin)
+    world = a_world(scenario, planning_ns=60_000_000, stays=True)
+    agent = world.robots["R1"].service.agent
+    while agent.revision < 1:
+        world.step()
+    world.strike(Fault("stall", "R1", 0, 4.0))
+    world.run(wanted)
+    operator(world)(Said(9, "second", (1.0, 5.5), robot="R1", now=True))
+    until = world.now_ns + 20 * SECOND
+    while agent.revision < 2 and world.now_ns < until:
+        world.step()
+    return world
+
+
+@pytest.mark.parametrize(
+    ("speed", "accel", "wanted", "margin"),
+    [(3.0, 3.0, 2.1, 0.02), (3.0, 3.0, 2.2, 0.02), (5.0, 5.0, 2.2, 0.05), (0.8, 0.8, 1.6, 0.05)],
+)
+def test_a_late_robot_changes_courses_only_where_it_is_on_both(speed, accel, wanted, margin):
+    """At 3 m/s it drives 60 mm in a tick, and may be 9 mm from where its reports say that it is.
+
+    The last robot has yet to turn on the spot when it may change.
+    """
+    world = a_late_change(speed, accel, wanted, margin)
+    ride = world.robots["R1"].service.agent.ride
+    newer = next(one.course for one in world.fleet.grants.of("R1") if one.revision == 2)
+    arcs = np.arange(0.0, newer.driven.curve.length, 1e-3)
+    begun = arcs >= newer.driven.timeline.s_at(ride.begin) - 1e-6
+    until = world.now_ns + 3 * SECOND
+    while world.now_ns < until:
+        place = world.robots["R1"].body.true_pose()[:2]
+        apart = np.hypot(*(newer.driven.curve.at_arc(arcs[begun]) - place).T)
+        assert apart.min() <= ride.track + 2e-3
+        world.step()
+    world.run(20.0)
+    assert not any("off its path" in one.text for one in world.fleet.incidents)
+    assert set(states(world).values()) == {ORDER_DONE}

@@ -433,3 +433,40 @@ def test_no_course_is_committed_through_a_robot_given_up_while_it_was_looked_for
     logs.close()
     assert states(world)["across"] == ORDER_DONE
     assert_sound(world, logs)
+
+
+@pytest.mark.parametrize("dies", [False, True])
+def test_others_keep_off_a_robot_that_was_pushed_on_along_its_course_and_admitted(tmp_path, dies):
+    """R1 says where it has stopped, and only that place is solid; it is pushed on to where its
+    authority ended, which R2 is on its way to.
+    """
+    robots = [idle("R1", (1.0, 1.0)), idle("R2", (6.0, 5.0))]
+    orders = (Order(id="far", goal=(12.0, 1.0), robot="R1", release=1.0),)
+    logs = RunLogs(tmp_path)
+    scenario = a_scenario(robots, size=HALL, orders=orders)
+    world = a_world(scenario, planning_ns=150_000_000, logs=logs, stays=True)
+    obstructions = world.mission.dispatcher.obstructions
+    world.run(8.0)
+    world.strike(Fault("driver-error", "R1", 0, 0))
+    while "R1" not in obstructions.around:
+        world.step()
+    world.run(0.05)
+    world.strike(Fault("kill", "R1", 0, 0))
+    ride = world.fleet.grants.of("R1").now.course.driven
+    (span,) = world.fleet.spans("R1")
+    ((x, y),) = ride.curve.at_arc([ride.timeline.s_at(span.until_ms / 1000.0)]).tolist()
+    assert x > max(x for x, _ in obstructions.around["R1"]) + 0.5
+    operator(world)(Said(9, "across", (x, y), robot="R2"))
+    world.run(4.3)
+    world.renew("R1", 78, (x, y, 0.0))
+    back_ns = world.now_ns
+    world.run(0.3)
+    admit(world, "R1")
+    if dies:
+        world.run(0.6)
+        world.strike(Fault("kill", "R1", 0, 0))
+    world.run(30.0)
+    logs.close()
+    back = (back_ns - world.began_ns) / SECOND
+    boxes = [box.between(back, math.inf, 0.0) for box in world.blackboxes().values()]
+    assert least_separation(*boxes)[0] > 0.4
