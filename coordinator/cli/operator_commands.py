@@ -91,5 +91,6 @@ def admit(
         tell(f"{fleet}: {asking.answer}")
         return
     late = f"no course for {robot} within {patience:g} s"
-    tell(asking.answer or f"{late}; is the robot back and the fleet under way?", "red")
+    why = asking.waits_for or "is the robot back and the fleet under way?"
+    tell(asking.answer or f"{late}; {why}", "red")
     raise typer.Exit(1)

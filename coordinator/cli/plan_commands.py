@@ -306,6 +306,8 @@ def _verify_log(path: Path, site: Scenario | None, as_json: bool) -> None:
         answer_json(proof)
     else:
         answers.print(render_log_proof(proof))
+    if not (log.complete or log.damage):
+        tell(f"{path}: was not closed; what may have come after its end is not proven", "yellow")
     if not proof.holds:
         raise typer.Exit(1)
 

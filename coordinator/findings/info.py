@@ -49,9 +49,11 @@ from coordinator.findings.traffic_numbers import (
 from coordinator.findings.true_course import TrueCourse, courses_in
 from coordinator.fleet.log_records import (
     LINK_GONE,
+    LINK_UP,
     drops_of,
     is_adoption_key,
     is_drops_key,
+    is_router_key,
     request_of,
 )
 from coordinator.fleet.member import WITHOUT
@@ -137,6 +139,7 @@ class _Telling:
         """Boot ids of operators who asked to admit a robot: that they are refused is no fault."""
 
         self._commanded_ns = self._here_ns = 0
+        self._has_router: bool | None = None
         self._sent: list[tuple[str, int, int]] = []
         self._last_arrival_ns: int | None = None
         self._late: str | None = None
@@ -321,6 +324,24 @@ class _Telling:
             self.summary.dropped |= drops_of(record.payload) or {}
         elif is_adoption_key(record.key):
             self._tell_unfit(record)
+        elif is_router_key(record.key):
+            is_up = record.payload == LINK_UP
+            if self._has_router and not is_up:
+                self._excuse_links(record.log_ns - REPORT_TIMEOUT)
+                self._tell_fault(record.log_ns, "", "the router is gone", "router")
+            self._has_router = is_up
+
+    def _excuse_links(self, since_ns: int) -> bool:
+        """Blame no robot for links that were lost since then; return whether any were.
+
+        All were, with the one at this end.
+        """
+        told, since = self.summary, self._seconds(since_ns)
+        lost = [one for one in told.faults if one.kind == "link" and one.t >= since]
+        told.faults = [one for one in told.faults if one not in lost]
+        for one in lost:
+            self._robot(one.robot).fault = None
+        return bool(lost)
 
     def _tell_refused(self, kind: str, robot: str, record: Record) -> None:
         """Record a refusal that was sent to a stranger, and count the invalid messages it sent."""
@@ -356,8 +377,12 @@ class _Telling:
 
     def _tell_command(self, command: Command, log_ns: int) -> None:
         self._is_late |= bool(late_numbers(command))
-        if log_ns - self._commanded_ns > AWAY:
+        away_ns = log_ns - self._commanded_ns
+        if away_ns > AWAY:
             self._here_ns = log_ns
+        if away_ns > REPORT_TIMEOUT and self._excuse_links(self._commanded_ns):
+            text = f"the coordinator was away for {away_ns / 1e9:.1f} s"
+            self._tell_fault(log_ns, "", text, "away")
         self._commanded_ns = log_ns
         if command.phase == phases.GO:
             self._tell_silence(log_ns, (phases.MOVING, phases.BRAKING))
@@ -409,7 +434,8 @@ class _Telling:
 
     def _tell_link(self, robot: str, alive: bool, log_ns: int) -> None:
         """Record the loss of a link while the fleet is under way."""
-        if not alive and self._phase is not None and self._phase[1] != phases.OVER:
+        is_cut = self._has_router is False
+        if not alive and not is_cut and self._phase is not None and self._phase[1] != phases.OVER:
             told = self._robot(robot)
             if self._heard.get(robot, (0, phases.IDLE))[1] != phases.DONE:
                 self._quiet.add(robot)

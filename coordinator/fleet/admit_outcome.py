@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from protocol.messages import Command, Message, Plan, Refusal
-from protocol.phases import COMMAND_NAMES, FREEZE, GO, OVER
+from protocol.phases import COMMAND_NAMES, FREEZE, GO, OVER, STOP
 from protocol.timing import MILLISECOND
 
 NOT_BACK: Final = "has not come back"
@@ -62,6 +62,11 @@ class Asking:
         self._frozen |= self._asked and command.phase == FREEZE
         if not self._asked and command.phase == GO:
             self._asked_ms = (command.said_ns - command.start_ns) // MILLISECOND
+        stopped = f"the fleet is stopped; {self._robot} gets a course when it goes on"
+        if self._asked and command.phase == STOP:
+            self.waits_for = stopped
+        elif self.waits_for == stopped:
+            self.waits_for = ""
         if command.phase == OVER:
             self.answer = f"the fleet has ended without {self._robot}"
         elif self._frozen and command.phase != FREEZE and command.epoch == self._epoch:

@@ -27,7 +27,7 @@ from coordinator.plan.wire import Driven, drive
 from coordinator.service.replay import scenario_of
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import Clock, Rest
+from protocol.messages import Clock, Command, Rest
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 from robot_agent.driver import Pose
 from robot_agent.loop import PERIOD_NS
@@ -131,13 +131,15 @@ class _Past:
         self._session: MemorySession = network.session("the past")
         self._session.subscribe(keys.clock(self._fleet, "*"), self._answer)
         self._rides: dict[int, dict[str, Driven]] = {}
+        self._leads = world.fleet.boot
+        """The boot id of the coordinator that leads at the time: robots hear no other's time."""
 
     def prepare(self, records: Sequence[Record]) -> None:
         """Schedule all that happens until the end of the history, and the hand-over then."""
         for record in records:
             place = keys.split(record.key)
             if place is not None and place[1] in _TOLD_AGAIN:
-                self._at(record.log_ns, partial(self._session.put, record.key, record.payload))
+                self._at(record.log_ns, partial(self._tell_again, record))
         for name in self._world.robots:
             self._prepare_robot(name, self._history.robots.get(name, Known()))
         self._at(self._history.until_ns, self._hand_over)
@@ -156,6 +158,11 @@ class _Past:
         if self._boxes.get(name):
             self._world.agenda.at(world.now_ns, self._follower(name, self._boxes[name]))
 
+    def _tell_again(self, record: Record) -> None:
+        if isinstance(command := decode("command", record.payload), Command):
+            self._leads = command.boot
+        self._session.put(record.key, record.payload)
+
     def _at(self, now_ns: int, action: Callable[[], None]) -> None:
         self._world.agenda.once(max(now_ns, self._world.now_ns), action)
 
@@ -163,8 +170,8 @@ class _Past:
         """Answer a question about the time; the log's answers do not fit the new clock."""
         asked = decode("clock", payload)
         if isinstance(asked, Clock) and asked.received_ns is None:
-            now_ns, boot = self._world.now_ns, self._world.fleet.boot
-            answer = Clock(asked.boot, asked.sent_ns, now_ns, now_ns, boot)
+            now_ns = self._world.now_ns
+            answer = Clock(asked.boot, asked.sent_ns, now_ns, now_ns, self._leads)
             self._session.put(key, encode(answer))
 
     def _rest(self, name: str, rest: Rest) -> None:

@@ -11,7 +11,14 @@ from rich.console import Console
 from coordinator.findings.info import summarise
 from coordinator.findings.info_table import render
 from coordinator.findings.plan_facts import summarise_plan
-from coordinator.fleet.log_records import LINK_GONE, Request, adoption_key, adoption_record
+from coordinator.fleet.log_records import (
+    LINK_GONE,
+    LINK_UP,
+    Request,
+    adoption_key,
+    adoption_record,
+    router_key,
+)
 from coordinator.fleet.rest_places import Standing
 from coordinator.log.log_file import read_log, readable_logs_before
 from coordinator.log.log_writer import Attachment
@@ -252,6 +259,30 @@ def test_faults_refusals_and_freezes_are_told_once_each(tmp_path):
         (-0.5, "R9", "not in the scenario", "refusal"),
     ]
     assert told["epochs"][0]["ended"] == "frozen"
+
+
+@pytest.mark.parametrize(
+    ("records", "told"),
+    [
+        ([], [("R1", "lost its link")]),
+        ([(2.6, router_key("f"), LINK_GONE)], [("", "the router is gone")]),
+        ([(2.7, keys.command("f"), command(5, 1, phases.GO))], [("R1", "lost its link")]),
+        (
+            [(6.6, keys.command("f"), command(5, 1, phases.GO))],
+            [("", "the coordinator was away for 5.5 s")],
+        ),
+    ],
+)
+def test_no_robot_is_blamed_for_a_link_that_the_coordinator_or_the_router_lost(
+    tmp_path, records, told
+):
+    router = [(-0.1, router_key("f"), LINK_UP)]
+    run = [message for message in good_run()[:9] if message[0] < 2.5]
+    if not any(key == keys.command("f") and at > 3.0 for at, key, _ in records):
+        run += [(2.3, keys.command("f"), command(4, 1, phases.GO))]
+    run += [*router, (2.5, keys.alive("f", "R1"), LINK_GONE), *records]
+    log = log_of(tmp_path, sorted(run, key=lambda message: message[0]))
+    assert [(one["robot"], one["fault"]) for one in summarise(log)["faults"]] == told
 
 
 def test_who_was_refused_and_is_not_of_the_fleet_is_told_as_a_fault_and_no_robot(tmp_path):

@@ -279,6 +279,16 @@ def test_the_command_line_proves_a_log_and_says_so(log_path):
     assert msgspec.json.decode(done.output)["holds"] is True
 
 
+def test_of_a_log_that_was_not_closed_is_said_that_its_end_is_not_proven(log_path, tmp_path):
+    cut = tmp_path / "cut.mcap"
+    data = log_path.read_bytes()
+    cut.write_bytes(data[: read_log(log_path).records[-1].offset + 10])
+    done = CliRunner().invoke(commands, ["verify", str(cut)])
+    assert done.exit_code == 0
+    assert "was not closed; what may have come after its end is not proven" in done.stderr
+    assert "was not closed" not in CliRunner().invoke(commands, ["verify", str(log_path)]).output
+
+
 @pytest.mark.parametrize("seed", [11, 21, 22, *seeds(8)])
 def test_every_log_of_a_campaign_is_proven_whatever_fails(seed, tmp_path):
     run_seed(generate("warehouse", 8, 1), seed, Wish(tau=0.3), folder=tmp_path)

@@ -5,7 +5,7 @@ from msgspec.structs import replace
 
 from coordinator.fleet.admit_outcome import NOT_BACK, Asking
 from protocol.messages import Command, Plan, Refusal
-from protocol.phases import FREEZE, GO, HOLD, OVER
+from protocol.phases import FREEZE, GO, HOLD, OVER, STOP
 from protocol.timing import SECOND
 
 BOOT = 77
@@ -98,3 +98,10 @@ def test_who_asks_for_a_robot_that_may_still_come_is_told_and_goes_on_asking():
     assert not asking.answer
     asking.hear(replace(plan(1), revision=2, begin_ms=31_000))
     assert asking.admitted
+
+
+def test_who_asks_while_the_fleet_is_stopped_is_told_what_the_robot_waits_for():
+    asking = asked(command(STOP, 1))
+    assert asking.waits_for == "the fleet is stopped; R2 gets a course when it goes on"
+    asking.hear(command(GO, 1))
+    assert (asking.waits_for, asking.answer) == ("", "")

@@ -121,6 +121,16 @@ def test_a_stormy_run_is_gone_on_with_from_any_moment(stormy, tmp_path, moment):
     assert {robot.id for robot in verdict.robots if not robot.arrived} == dead
 
 
+def test_robots_go_on_under_a_coordinator_that_had_resumed_before_the_moment(quiet, tmp_path):
+    """They hear the time of the one that led them, until the other one does."""
+    carry_on(quiet, 0.0, tmp_path / "first", ["coordinator-restart@3:2"], 3)
+    assert (tmp_path / "first" / "blackbox" / "R1.csv").is_file()
+    name, arrived = carry_on(tmp_path / "first" / "run-2.mcap", 7.0, tmp_path / "new", [], 0)
+    assert (name, arrived) == ("three", True)
+    told = judge(tmp_path / "new")
+    assert all(robot.arrived and robot.tracking_error < 0.01 for robot in told.robots)
+
+
 def test_black_boxes_say_where_everybody_was(quiet, tmp_path):
     first = tmp_path / "first"
     carry_on(quiet, 0.0, first, [], 3)
