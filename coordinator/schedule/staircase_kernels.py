@@ -214,6 +214,7 @@ def staircases(
     ahead, behind = np.empty((256, 1), np.int64), np.empty((256, 1), np.int64)
     begins, knots = np.zeros((257, 1), np.int64), np.empty((4096, 2), np.int64)
     rows, steps, pairs, zone = np.empty((1024, 3)), np.empty((1024, 2), np.int64), 0, 0
+    spans = np.empty((1024, 2))
     s, points = lines
     while zone < len(zones.a):
         a, b, end = zones.a[zone], zones.b[zone], zone + 1
@@ -229,10 +230,11 @@ def staircases(
                 if _is_through(legs, (me, other), (leaves, zones.extent[k, 2 - 2 * side]), fine):
                     continue
                 here = chords.pairs[chords.first[k] : chords.first[k + 1]]
-                size = zone_rows(my_line, its, here, side, zones.reach[k], fine, rows)
+                spans = widened(spans, len(here))
+                size = zone_rows(my_line, its, here, side, zones.reach[k], fine, rows, spans)
                 if size < 0:
                     rows = np.empty((-2 * size, 3))
-                    size = zone_rows(my_line, its, here, side, zones.reach[k], fine, rows)
+                    size = zone_rows(my_line, its, here, side, zones.reach[k], fine, rows, spans)
                 steps = widened(steps, count + size)
                 count = _add_steps(legs, (me, other), begin, rows[:size], fine, steps, count)
             if count == 0:

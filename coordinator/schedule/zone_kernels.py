@@ -145,14 +145,15 @@ def zone_rows(
     reach: float,
     cell: float,
     rows: Array,
+    spans: Array,
 ) -> int:
     """Write one zone as rows (n, 3) for the robot `me`; return how many there are.
 
     pairs (m, 2): the zone's pairs of chords, those of `me` in column `side`.  `reach` [m]: the need
     plus the errors of both paths.  A row tells that while the arc length of `me` lies in cell k,
     from k to k + 1 times `cell` [m], the arc lengths of the other robot in conflict are those from
-    LOW to HIGH, exactly.  When `rows` has too little room, nothing is written and minus the number
-    of rows is returned.
+    LOW to HIGH, exactly.  When `rows` has too little room, none is written and minus the number of
+    rows is returned.  `spans` (m, 2) is memory for the extent of each pair.
     """
     (s, p), q = me, other.points
     reach = reach + SLACK
@@ -160,6 +161,7 @@ def zone_rows(
     for pair in range(len(pairs)):
         i, j = pairs[pair, side], pairs[pair, 1 - side]
         low, high = extent_of(s, p, i, q, j, reach)
+        spans[pair, 0], spans[pair, 1] = low, high
         least, greatest = min(least, low), max(greatest, high)
     base = math.floor(least / cell)
     count = int(math.floor(greatest / cell) - base) + 1
@@ -169,7 +171,7 @@ def zone_rows(
         rows[row, CELL_NUMBER], rows[row, LOW], rows[row, HIGH] = base + row, math.inf, -math.inf
     for pair in range(len(pairs)):
         i, j = pairs[pair, side], pairs[pair, 1 - side]
-        _widen_rows(me, i, other, j, reach, cell, rows)
+        _widen_rows(me, i, other, j, reach, cell, rows, (spans[pair, 0], spans[pair, 1]))
     return count
 
 
@@ -187,14 +189,15 @@ def _place(begin: float, end: float, y: float) -> float:
 
 @allocation_free
 def _widen_rows(
-    me: Polyline, i: int, other: Polyline, j: int, reach: float, cell: float, rows: Array
-) -> None:
+    me: Polyline, i: int, other: Polyline, j: int, reach: float, cell: float, rows: Array,
+    extent: tuple[float, float],
+) -> None:  # fmt: skip
     """Widen LOW to HIGH of the rows by the conflict between chord i of `me` and chord j of `other`.
 
-    The rows are those of consecutive cells.
+    The rows are those of consecutive cells.  extent: what `extent_of` returns for the chords.
     """
     (s, p), (t, q) = me, other
-    begin, end = extent_of(s, p, i, q, j, reach)
+    begin, end = extent
     ax, ay = p[i, 0] - q[j, 0], p[i, 1] - q[j, 1]
     dx, dy = direction(s, p, i)
     ex, ey = direction(t, q, j)

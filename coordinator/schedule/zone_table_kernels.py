@@ -49,6 +49,7 @@ def robot_rows(
     Reaches, `cell` [m] and rows are those of zone_kernels.zone_rows; there are at most `room` rows.
     """
     begins, rows = np.zeros(len(zones.zone) + 1, np.int64), np.empty((room, 3))
+    spans = np.empty((int(np.diff(chords.first).max()) if len(chords.first) > 1 else 0, 2))
     s, points = lines
     mine = slice(first[me], first[me + 1])
     line = Polyline(s[mine], points[mine])
@@ -58,6 +59,6 @@ def robot_rows(
         pairs = chords.pairs[chords.first[zone] : chords.first[zone + 1]]
         side = 0 if me < other else 1
         its = Polyline(s[theirs], points[theirs])
-        count = zone_rows(line, its, pairs, side, zones.reach[k], cell, rows[begins[k] :])
+        count = zone_rows(line, its, pairs, side, zones.reach[k], cell, rows[begins[k] :], spans)
         begins[k + 1] = begins[k] + count
     return begins, rows[: begins[-1]]

@@ -37,10 +37,10 @@ def rows_of(zones, k, chords, radii, margin, side, cell=CELL):
     reach = radii[zones.a[k]] + radii[zones.b[k]] + margin + a.error + b.error
     pairs = zones.pairs[zones.first[k] : zones.first[k + 1]]
     rows = np.empty((10, 3))
-    count = zone_rows(me, other, pairs, side, reach, cell, rows)
+    count = zone_rows(me, other, pairs, side, reach, cell, rows, np.empty((len(pairs), 2)))
     if count < 0:
         rows = np.empty((-count, 3))
-        count = zone_rows(me, other, pairs, side, reach, cell, rows)
+        count = zone_rows(me, other, pairs, side, reach, cell, rows, np.empty((len(pairs), 2)))
     return rows[:count]
 
 
