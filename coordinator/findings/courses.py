@@ -80,6 +80,10 @@ class Courses:
             self._begun.setdefault((message.epoch, message.revision, robot), now)
             self._said.take(message, robot, record.log_ns)
 
+    def know(self, plan: Plan, robot: str) -> None:
+        """Take in a course that a robot was sent in a log before this one."""
+        self._plans.setdefault((plan.epoch, plan.revision, robot), plan)
+
     def fill(
         self,
         robots: Mapping[str, RobotSummary],

@@ -247,6 +247,7 @@ class _Telling:
             told.policy = told.policy or plans[0].policy
         here = {one.robot for one in sent if one.is_here}
         for one in sent:
+            self._courses.know(one.plan, one.robot)
             self._take_sent(one, starts, is_attached=bool(plans), is_here=one.robot in here)
         sizes = [robot.plan_bytes for robot in told.robots.values()]
         told.largest_plan_bytes = max([told.largest_plan_bytes, *sizes])

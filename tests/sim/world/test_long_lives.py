@@ -171,3 +171,4 @@ def test_the_log_of_a_coordinator_that_took_over_tells_who_died_meanwhile(tmp_pa
     told = summarise(log, before=logs_before(log))
     assert [(one["robot"], one["fault"]) for one in told["faults"]] == [("R1", "fell silent")]
     assert told["robots"]["R1"]["fault"] == "fell silent"
+    assert told["robots"]["R1"]["nearest"]["robot"] == "R2"
