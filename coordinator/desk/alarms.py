@@ -133,15 +133,19 @@ class Alarms:
         outside: Iterable[str] = (),
         *,
         arms: bool = False,
+        is_cut: bool = False,
     ) -> None:
         """Find out what needs a person now; while no coordinator is heard, that alone does.
 
         `outside`: robots that were taken out, and are heard still.  `arms`: whether the fleet has
-        yet to set out, so that robots without a course get one by themselves.
+        yet to set out, so that robots without a course get one by themselves.  `is_cut`: whether
+        the coordinator cannot reach its router, so that robots need nothing for not being heard.
         """
         found = [] if is_heard else [_unheard(now)]
         if is_heard:
             found = [alarm for one in robots if (alarm := self._about(one, now, arms)) is not None]
+            if is_cut:
+                found = [_cut(now), *(one for one in found if one.id in self._now)]
             idle = {one.id for one in robots if one.rests and not one.order}
             waiting = [one for one, since in self._waits.values() if now - since > _LONG]
             could = [one for one in waiting if (one.robot in idle if one.robot else idle)]
@@ -218,6 +222,15 @@ def _unheard(now: float) -> Alarm:
         since=now,
         text="the coordinator is not heard: robots stand where their authority ends",
         todo="See whether it runs; start it again with --resume and its log.",
+    )
+
+
+def _cut(now: float) -> Alarm:
+    return Alarm(
+        id="router",
+        since=now,
+        text="the router is gone: robots stand where their authority ends",
+        todo="Start it again; robots need nothing, and go on when it is back.",
     )
 
 

@@ -228,6 +228,11 @@ class FleetState:
         """Return the robots that others hold while the fleet drives."""
         return self.grants.standstills.held() if self.phase == GO else []
 
+    @property
+    def is_cut_off(self) -> bool:
+        """Whether the router between the fleet and its coordinator cannot be reached."""
+        return self._router.is_down
+
     def _hear_router(self, up: bool, now_ns: int) -> None:
         """Excuse all robots when the router is back: nobody could be heard."""
         if not self._router.take(up):

@@ -68,7 +68,8 @@ class AlarmBell:
             and now_ns - at_ns < REPORT_TIMEOUT
             and name not in fleet.members
         ]
-        self._alarms.look(True, robots, day_s, outside, arms=fleet.phase == HOLD)
+        arms, is_cut = fleet.phase == HOLD, fleet.is_cut_off
+        self._alarms.look(True, robots, day_s, outside, arms=arms, is_cut=is_cut)
         seen, self._seen = self._seen, {one.id: one for one in self._alarms.now()}
         for name, one in self._seen.items():
             is_settled = name in seen and seen[name].text == one.text

@@ -4,7 +4,7 @@ import pytest
 
 from coordinator.desk.known_fleet import KnownFleet
 from coordinator.fleet.core import Fleet
-from coordinator.fleet.log_records import link_record
+from coordinator.fleet.log_records import LINK_GONE, LINK_UP, link_record, router_key
 from coordinator.fleet.orders import OrderBook
 from coordinator.scenario.model import Order
 from coordinator.service.alarm_bell import AlarmBell
@@ -76,6 +76,22 @@ def test_a_robot_that_is_back_calls_a_person_until_it_is_admitted_and_not_later(
     assert (BACK in rung(bell, world, waits_s)) == bool(over)
     admit(world, "R2")
     assert [text for text in rung(bell, world, 10.0) if BACK in text] == over
+
+
+def test_a_router_that_is_gone_calls_a_person_once_and_no_robot_does():
+    world, bell = a_world(queue_of_two(), stays=True), AlarmBell()
+    fleet = world.fleet
+    assert rung(bell, world, 5.0) == []
+    link = router_key(fleet.name)
+    fleet.hear(link, LINK_UP, world.now_ns)
+    fleet.hear(link, LINK_GONE, world.now_ns)
+    for robot in ("R1", "R2", "R3"):
+        fleet.hear(keys.alive(fleet.name, robot), LINK_GONE, world.now_ns)
+    cut = "the router is gone: robots stand where their authority ends"
+    times = [(world.now_ns + passed * SECOND, 5.0 + passed) for passed in (1, 2, 3)]
+    assert [one.text for when in times for one, _ in bell.news(fleet, *when)] == [cut]
+    fleet.hear(link, LINK_UP, world.now_ns)
+    assert f"over: {cut}" in rung(bell, world, 3.0)
 
 
 def test_robots_that_are_yet_to_be_started_call_nobody():
