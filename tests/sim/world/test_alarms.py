@@ -91,7 +91,7 @@ def test_a_router_that_is_gone_calls_a_person_once_and_no_robot_does():
     times = [(world.now_ns + passed * SECOND, 5.0 + passed) for passed in (1, 2, 3)]
     assert [one.text for when in times for one, _ in bell.news(fleet, *when)] == [cut]
     fleet.hear(link, LINK_UP, world.now_ns)
-    assert f"over: {cut}" in rung(bell, world, 3.0)
+    assert f"over: {cut}" in rung(bell, world, 6.0)
 
 
 def test_robots_that_are_yet_to_be_started_call_nobody():
