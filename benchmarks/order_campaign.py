@@ -62,6 +62,11 @@ PATIENCE: Final = 400.0
 _LINKS: Final = ((0.0, 0.005), (0.1, 0.1), (0.2, 0.2))
 """Loss and delay [s] of links."""
 
+_PACES: Final = (1.0, 1.0, 2.0, 4.0)
+_MARGINS: Final = (0.1, 0.1, 0.05, 0.02)
+"""How much quicker robots are and speed up than the floor's, and margins [m]: quick robots with
+little tolerance drive farther in a tick than they may be off."""
+
 
 class Result(NamedTuple):
     """One run: what was wrong with it, if anything, and what happened."""
@@ -113,10 +118,26 @@ def _script(dice: Random, scenario: Scenario) -> list[tuple[float, Message]]:
     return sorted(said, key=lambda one: one[0])
 
 
+def _paced(made: Scenario, seed: int) -> Scenario:
+    """Return a floor whose robots are as quick, and keep as much distance, as the seed draws."""
+    dice = Random(f"pace {seed}")
+    quicker, margin = dice.choice(_PACES), dice.choice(_MARGINS)
+    robots = tuple(
+        replace(
+            one,
+            max_speed=quicker * one.max_speed,
+            max_accel=quicker * one.max_accel,
+            max_lateral_accel=quicker * one.max_lateral_accel,
+        )
+        for one in made.robots
+    )
+    return replace(made, robots=robots, margin=margin)
+
+
 def run_seed(seed: int) -> Result:
     """Run one seed."""
     dice = Random(f"orders {seed}")
-    made = generate(dice.choice(KINDS), dice.randint(2, 8), seed % 40)
+    made = _paced(generate(dice.choice(KINDS), dice.randint(2, 8), seed % 40), seed)
     joins = made.robots[-1] if len(made.robots) > 2 and dice.random() < 0.4 else None
     robots = tuple(
         replace(one, goal=one.start, via=()) if dice.random() < 0.7 else one
