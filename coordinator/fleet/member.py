@@ -296,7 +296,11 @@ class Member:
             self.finished = False  # It has another course, or is not where that begins.
         if report.rest is not None and report.rest.epoch >= self.sent_epoch:
             self.rest = standing_of(self.id, report.rest)
-        elif report.phase == MOVING or (self.came_back_to is not None and report.epoch > 0):
+        elif (
+            report.phase == MOVING
+            or (self.came_back_to is not None and report.epoch > 0)
+            or self._has_left_rest(report)
+        ):
             self.rest = None
         if report.phase == DONE:
             self.ended = report.epoch, report.revision
@@ -305,6 +309,13 @@ class Member:
             self.struck.clear()
             self.done_ns = now_ns if self.done_ns is None else self.done_ns
         return True
+
+    def _has_left_rest(self, report: Report) -> bool:
+        """Return whether the robot has begun another course since it said where it rests."""
+        rest = self.rest
+        if rest is None or report.epoch != rest.epoch:
+            return False
+        return report.revision > rest.revision
 
     def describe(self) -> str:
         """Return words for what the robot does."""

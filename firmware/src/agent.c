@@ -304,7 +304,7 @@ static sf_course *on_course(sf_agent *agent) {
         over = sf_rests_where(ride, coming) && time_now(agent, coming, SF_INF) >= coming->begin;
     } else { /* At its goal no plan time passes for a robot that does not know the time. */
         sf_real now = agent->phase == SF_DONE ? SF_INF : ride->time;
-        over = sf_is_over(ride, coming, time_now(agent, ride, now));
+        over = sf_is_over(ride, coming, time_now(agent, ride, now), agent->phase == SF_DONE);
     }
     return over ? change(agent) : ride;
 }

@@ -116,7 +116,7 @@ void sf_grant(sf_course *course, int64_t authority_ms);
 bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal);
 bool sf_rests_where(const sf_course *course, sf_course *coming);
 void sf_end_with(sf_course *course, sf_course *coming);
-bool sf_is_over(sf_course *course, sf_course *coming, sf_real now);
+bool sf_is_over(sf_course *course, sf_course *coming, sf_real now, bool at_goal);
 void sf_follow(sf_course *course, sf_course *before);
 void sf_turn_before_start(sf_course *course, const sf_pose *pose);
 void sf_reckon(sf_course *course, int64_t now_ms);

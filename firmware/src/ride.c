@@ -148,11 +148,12 @@ void sf_end_with(sf_course *course, sf_course *coming) {
     limit_authority(course);
 }
 
-bool sf_is_over(sf_course *course, sf_course *coming, sf_real now) {
+bool sf_is_over(sf_course *course, sf_course *coming, sf_real now, bool at_goal) {
     sf_real until = course->until;
     if (now < until || (course->time < until && course->time < course->timeline.finish)) return false;
     sf_real enough = sf_least(told(course, course), course->time + course->foresight);
     if (!coming->from_rest && (course->may_turn || told(coming, course) < enough)) return false;
+    if (at_goal) return !sf_has_left_goal(course);
     sf_real left = room(course, until), off = course->follower.off, track = course->track;
     if (left <= ARRIVAL_SLACK) return true;
     if (left * left + off * off > track * track) return false;

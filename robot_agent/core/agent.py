@@ -409,7 +409,7 @@ class Agent:
         now = self._plan_time(ride, now_ns, 0.0)
         if self.phase == DONE and not self._knows_time(ride, now_ns):
             now = inf  # At its goal no plan time passes for a robot that does not know the time.
-        if coming is None or not ride.is_over(coming, now):
+        if coming is None or not ride.is_over(coming, now, self.phase == DONE):
             return ride
         return self._change(ride, coming, now_ns)
 

@@ -213,8 +213,10 @@ class Ride:
         self._rests = coming.begin if coming.begins_at_rest() else inf
         self._limit_authority()
 
-    def is_over(self, coming: "Ride", now: float) -> bool:
+    def is_over(self, coming: "Ride", now: float, at_goal: bool) -> bool:
         """Return whether the next course has begun at a plan time [s], and the robot is there.
+
+        One that is done (`at_goal`) is there as long as it was not pushed off its goal.
 
         To go on in motion it has to be granted as much on that course as on this one, or enough,
         and have turned towards this one.  It is there up to a tick early, but no farther off than
@@ -225,6 +227,8 @@ class Ride:
         enough = min(self._told, self.time + self._foresight)
         if not coming.begins_at_rest() and (self.may_turn or coming._told < enough):
             return False
+        if at_goal:
+            return not self.has_left_goal()
         left = self._timeline.s_at(self._until) - self.follower.s
         if left <= ARRIVAL_SLACK:
             return True

@@ -8,6 +8,7 @@ from typing import get_args
 import pytest
 
 from coordinator.fleet.log_records import LINK_GONE
+from coordinator.fleet.member import Member
 from coordinator.fleet.phases import (
     FAREWELLS,
     FREEZE_PATIENCE,
@@ -21,7 +22,7 @@ from coordinator.fleet.sent_courses import Span
 from coordinator.fleet.standstills import STUCK_MS
 from protocol import keys
 from protocol.codec import decode, encode
-from protocol.messages import GO_ON, HALT, Clock, Hello, Report, Tell
+from protocol.messages import GO_ON, HALT, Clock, Hello, Report, Rest, Tell
 from protocol.phases import (
     BRAKING,
     CLOCK_UNSURE,
@@ -442,3 +443,13 @@ def test_time_in_which_the_coordinator_was_away_counts_against_no_robot_that_sta
     floor.tick(passed=3 * SECOND)
     assert (still.got_on_ms - before).tolist() == [3_000] * len(before)
     assert still.got_on_latest_ms == latest + 3_000
+
+
+def test_a_robot_that_stops_on_a_newer_course_unheard_is_asked_where_it_rests():
+    member = Member("R1", 0.2, 0.5, b"", boot=1)
+    member.hear(Report(1, 1, 1, FROZEN, 2, Rest(2.0, 1)), SECOND)
+    assert member.is_at_rest()
+    member.hear(Report(1, 4, 1, FROZEN, 2, revision=1, holds=1), 2 * SECOND)
+    assert not member.is_at_rest()
+    member.hear(Report(1, 5, 1, FROZEN, 2, Rest(0.5, 1, revision=1), revision=1), 3 * SECOND)
+    assert member.rest_s == 0.5

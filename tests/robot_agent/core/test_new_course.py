@@ -100,6 +100,22 @@ def test_a_robot_at_its_goal_drives_a_newer_course_from_its_beginning_on():
     assert math.dist(run.places[-1], place_at(path, line.length)) < 2e-3
 
 
+@pytest.mark.parametrize("back", [0.003, 0.5 * TRACK, 0.95 * TRACK])
+def test_a_robot_that_was_pushed_back_a_little_at_its_goal_leaves_it_on_its_next_course(back):
+    length = Curve(*LINE).length
+    motion = motion_along(length, SPEED, ACCEL)
+    run = driven_run(LINE, motion, Timeline(*motion).finish + 1.0, body=body())
+    assert run.agent.phase == DONE
+    run.body.place(1.0 + length - back, 2.0, 0.0)
+    go_on(run, 0.5)
+    assert run.agent.phase == DONE
+    give_line(run, round(plan_time(run) + 0.5, 3), 1.0 + length, 0.0)
+    go_on(run, 1.0)
+    assert (run.agent.phase, run.agent.revision) == (MOVING, 1)
+    go_on(run, 5.0)
+    assert run.agent.phase == DONE
+
+
 def test_a_course_heard_on_the_way_is_driven_when_the_goal_is_reached():
     run = driven_run(PATH, MOTION, 1.5, body=body())
     path, motion = course_from_goal(round(FINISH, 3) + 0.001)
