@@ -219,8 +219,8 @@ class Ride:
         One that is done (`at_goal`) is there as long as it was not pushed off its goal.
 
         To go on in motion it has to be granted as much on that course as on this one, or enough,
-        and have turned towards this one.  It is there up to a tick early, but no farther off than
-        the track tolerance: who changes has passed the newer course's beginning, others count on.
+        and have turned towards this one.  It may be up to a tick short of that place, but within
+        its track tolerance of it: others rely on it to have passed that place once it has changed.
         """
         if now < self._until or self.time < min(self._until, self._timeline.finish):
             return False
