@@ -33,6 +33,18 @@ _FAULTS: Final = {
     "plan not acceptable": "Its limits are not the scenario's; the coordinator's output says how.",
 }
 
+_AWAY: Final = {
+    "coordinator": (
+        "the coordinator is not heard",
+        "See whether it runs; start it again with --resume and its log.",
+    ),
+    "router": (
+        "the router is gone",
+        "Start it again; robots need nothing, and go on when it is back.",
+    ),
+}
+"""Without whom the whole fleet stands: what is wrong, and what to do."""
+
 _OUTSIDE: Final = (
     "Walk in only while the fleet is stopped: nobody keeps away from it. Switch it off and carry "
     "it away; or join it where it stands."
@@ -141,11 +153,11 @@ class Alarms:
         yet to set out, so that robots without a course get one by themselves.  `is_cut`: whether
         the coordinator cannot reach its router, so that robots need nothing for not being heard.
         """
-        found = [] if is_heard else [_unheard(now)]
+        found = [] if is_heard else [_away("coordinator", now)]
         if is_heard:
             found = [alarm for one in robots if (alarm := self._about(one, now, arms)) is not None]
             if is_cut:
-                found = [_cut(now), *(one for one in found if one.id in self._now)]
+                found = [_away("router", now), *(one for one in found if one.id in self._now)]
             idle = {one.id for one in robots if one.rests and not one.order}
             waiting = [one for one, since in self._waits.values() if now - since > _LONG]
             could = [one for one in waiting if (one.robot in idle if one.robot else idle)]
@@ -216,22 +228,10 @@ def _outside(robot: str, now: float) -> Alarm:
     return Alarm(id=f"outside-{robot}", since=now, text=text, todo=_OUTSIDE, robot=robot)
 
 
-def _unheard(now: float) -> Alarm:
-    return Alarm(
-        id="coordinator",
-        since=now,
-        text="the coordinator is not heard: robots stand where their authority ends",
-        todo="See whether it runs; start it again with --resume and its log.",
-    )
-
-
-def _cut(now: float) -> Alarm:
-    return Alarm(
-        id="router",
-        since=now,
-        text="the router is gone: robots stand where their authority ends",
-        todo="Start it again; robots need nothing, and go on when it is back.",
-    )
+def _away(name: str, now: float) -> Alarm:
+    text, todo = _AWAY[name]
+    text += ": robots stand where their authority ends"
+    return Alarm(id=name, since=now, text=text, todo=todo)
 
 
 def _trouble_of(robot: RobotState, now: float) -> Alarm | None:

@@ -10,20 +10,19 @@ the page; in a log without a GO, from its first message.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import msgspec
 
 from coordinator.findings.attendance import Attendance
 from coordinator.findings.courses import Courses
+from coordinator.findings.faults import Faults
 from coordinator.findings.held import held_in, late_numbers
 from coordinator.findings.info_fields import (
     EpochSummary,
-    FaultSummary,
     OrderSummary,
     PhaseChange,
-    RobotSummary,
     Summary,
     Traffic,
 )
@@ -49,15 +48,11 @@ from coordinator.findings.traffic_numbers import (
 from coordinator.findings.true_course import TrueCourse, courses_in
 from coordinator.fleet.log_records import (
     LINK_GONE,
-    LINK_UP,
     drops_of,
     is_adoption_key,
     is_drops_key,
     is_router_key,
-    request_of,
 )
-from coordinator.fleet.member import WITHOUT
-from coordinator.fleet.phases import AWAY
 from coordinator.log.versions import WRITTEN_BY, protocol_of
 from coordinator.security.denials import denial_of, is_denial_key
 from protocol import codec, keys, phases
@@ -79,7 +74,6 @@ from protocol.messages import (
     Tell,
     Unblock,
 )
-from protocol.timing import REPORT_TIMEOUT
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -129,17 +123,9 @@ class _Telling:
         self._epochs: dict[int, EpochSummary] = {}
         self._starts_ns: dict[int, int] = {}
         self._phase: tuple[int, int] | None = None
-        self._faults: dict[str, int] = {}
-        self._unfit: dict[str, str] = {}
-        self._heard = {robot: (begin_ns, phase) for robot, phase in _last_phases(before[-1:])}
-        self._quiet: set[str] = set()
-        """Robots that have lost their links or fell silent, and were not heard since."""
-
         self._asked: set[int] = set()
         """Boot ids of operators who asked to admit a robot: that they are refused is no fault."""
 
-        self._commanded_ns = self._here_ns = 0
-        self._has_router: bool | None = None
         self._sent: list[tuple[str, int, int]] = []
         self._last_arrival_ns: int | None = None
         self._late: str | None = None
@@ -176,6 +162,8 @@ class _Telling:
             version=log.metadata.get(WRITTEN_BY),
             protocol=protocol_of(log.metadata),
         )
+        heard = {robot: (begin_ns, phase) for robot, phase in _last_phases(before[-1:])}
+        self._faults = Faults(self.summary, self._seconds, heard)
         for record in records:
             self._count(record)
         self.summary.epochs = list(self._epochs.values())
@@ -204,11 +192,10 @@ class _Telling:
                 traffic.messages_per_second = traffic.messages / told.duration
                 traffic.bytes_per_second = traffic.bytes / told.duration
         for name, robot in told.robots.items():
-            if robot.arrived is None:
-                robot.fault = self._unfit.get(name, robot.fault)
             is_last = self._arrived_by.get(name) == self._driven.get(name)
             if robot.arrived is not None and robot.planned_finish is not None and is_last:
                 robot.late = robot.arrived - robot.planned_finish
+        self._faults.end()
         self._numbers.fill(told)
         told.orders = [OrderSummary.of(state) for state in self._orders.values()]
         if self._is_late:
@@ -262,20 +249,17 @@ class _Telling:
         plan, is_driven = sent.plan, self._driven.get(sent.robot) == sent.course
         if is_further(plan) and is_driven and sent.start_ns is not None:
             zero = self._seconds(sent.start_ns + self._lag_ns)
-            take_message(plan, self._robot(sent.robot), zero)
+            take_message(plan, self.summary.robot(sent.robot), zero)
         elif not is_further(plan) and not is_attached:
             self.summary.tau = plan.tau_ns / 1e9
             if plan.epoch in starts or not starts:
-                take_message(plan, self._robot(sent.robot), starts.get(plan.epoch, 0.0))
+                take_message(plan, self.summary.robot(sent.robot), starts.get(plan.epoch, 0.0))
         if is_driven and not is_here:
-            robot = self._robot(sent.robot)
+            robot = self.summary.robot(sent.robot)
             robot.plan_bytes, robot.control_points = sent.size, len(plan.points) // _POINT_BYTES
 
     def _seconds(self, time_ns: int) -> float:
         return (time_ns - self._zero_ns) / 1e9
-
-    def _robot(self, name: str) -> RobotSummary:
-        return self.summary.robots.setdefault(name, RobotSummary())
 
     def _count(self, record: Record) -> None:
         size = len(record.payload)
@@ -305,7 +289,7 @@ class _Telling:
         count, total = self._ours.get(kind, (0, 0))
         self._ours[kind] = (count + 1, total + size)
         if isinstance(message, Hello | Report) or is_question(message):
-            self._robot(robot).bytes_sent += size
+            self.summary.robot(robot).bytes_sent += size
             self._sent.append((robot, record.log_ns, size))
         elif isinstance(message, OrderState):
             if message.released_ms is not None or message.state != REFUSED:  # Else there is none.
@@ -324,38 +308,22 @@ class _Telling:
         if is_drops_key(record.key):
             self.summary.dropped |= drops_of(record.payload) or {}
         elif is_adoption_key(record.key):
-            self._tell_unfit(record)
+            self._faults.find_unfit(record.payload, record.log_ns)
         elif is_router_key(record.key):
-            is_up = record.payload == LINK_UP
-            if self._has_router and not is_up:
-                self._excuse_links(record.log_ns - REPORT_TIMEOUT)
-                self._tell_fault(record.log_ns, "", "the router is gone", "router")
-            self._has_router = is_up
-
-    def _excuse_links(self, since_ns: int) -> bool:
-        """Blame no robot for links that were lost since then; return whether any were.
-
-        All were, with the one at this end.
-        """
-        told, since = self.summary, self._seconds(since_ns)
-        lost = [one for one in told.faults if one.kind == "link" and one.t >= since]
-        told.faults = [one for one in told.faults if one not in lost]
-        for one in lost:
-            self._robot(one.robot).fault = None
-        return bool(lost)
+            self._faults.hear_router(record.payload, record.log_ns)
 
     def _tell_refused(self, kind: str, robot: str, record: Record) -> None:
         """Record a refusal that was sent to a stranger, and count the invalid messages it sent."""
         message = codec.decode(kind, record.payload)
         if isinstance(message, Refusal):
-            self._tell_fault(record.log_ns, robot, message.reason, "refusal")
+            self._faults.tell(record.log_ns, robot, message.reason, "refusal")
         self.summary.bad_messages += message is None and kind != "alive"
 
     def _count_stranger(self, record: Record) -> None:
         """Record a refused link; count payloads on the fleet's keys that are not messages."""
         denial = denial_of(record.payload) if is_denial_key(record.key) else None
         if denial is not None:
-            self._tell_fault(record.log_ns, "", denial.text, "denied")
+            self._faults.tell(record.log_ns, "", denial.text, "denied")
         if self.summary.fleet and record.key.startswith(f"{keys.ROOT}/{self.summary.fleet}/"):
             self.summary.positions_on_wire += 1
 
@@ -367,26 +335,20 @@ class _Telling:
             self._tell_report(message, robot, record.log_ns)
         elif isinstance(message, Plan):
             size = len(record.payload)
-            told = self._robot(robot)
+            told = self.summary.robot(robot)
             told.plan_bytes = max(told.plan_bytes, size)
             told.control_points = len(message.points) // _POINT_BYTES
             self.summary.largest_plan_bytes = max(self.summary.largest_plan_bytes, size)
         elif isinstance(message, Admit):
             self._asked.add(message.boot)
         elif isinstance(message, Refusal) and message.boot not in self._asked:
-            self._tell_fault(record.log_ns, robot, message.reason, "refusal")
+            self._faults.tell(record.log_ns, robot, message.reason, "refusal")
 
     def _tell_command(self, command: Command, log_ns: int) -> None:
         self._is_late |= bool(late_numbers(command))
-        away_ns = log_ns - self._commanded_ns
-        if away_ns > AWAY:
-            self._here_ns = log_ns
-        if away_ns > REPORT_TIMEOUT and self._excuse_links(self._commanded_ns):
-            text = f"the coordinator was away for {away_ns / 1e9:.1f} s"
-            self._tell_fault(log_ns, "", text, "away")
-        self._commanded_ns = log_ns
+        self._faults.hear_coordinator(log_ns)
         if command.phase == phases.GO:
-            self._tell_silence(log_ns, (phases.MOVING, phases.BRAKING))
+            self._faults.find_silent(log_ns, (phases.MOVING, phases.BRAKING))
         if self._phase == (command.epoch, command.phase):
             return
         self._phase = (command.epoch, command.phase)
@@ -399,8 +361,8 @@ class _Telling:
             epoch.start = self._seconds(self._starts_ns[command.epoch])
         if command.phase == phases.FREEZE and not self._numbers.stopped_nobody:
             everybody = set(range(len(phases.PHASE_NAMES)))
-            self._tell_silence(log_ns, everybody - {phases.DONE})
-            self._tell_fault(log_ns, "", "the fleet was told to freeze", "freeze")
+            self._faults.find_silent(log_ns, everybody - {phases.DONE})
+            self._faults.tell(log_ns, "", "the fleet was told to freeze", "freeze")
 
     def _ending(self, epoch: EpochSummary, phase: int) -> str:
         """Return in what way an epoch ended, given the phase that ended it."""
@@ -410,56 +372,18 @@ class _Telling:
             return "over" if epoch.start is not None else "nobody goes"
         return "running"
 
-    def _tell_unfit(self, record: Record) -> None:
-        """Record robots that a new epoch leaves out although they are heard."""
-        request = request_of(record.payload)
-        for one in request.told if request is not None else ():
-            if one.state not in ("unfit", "overloaded"):
-                self._unfit.pop(one.robot, None)
-            elif one.robot not in self._unfit:
-                self._unfit[one.robot] = f"left where it stands: {WITHOUT[one.state]}"
-                self._tell_fault(record.log_ns, one.robot, self._unfit[one.robot], "unfit")
-
-    def _tell_silence(self, log_ns: int, of_phases: Collection[int]) -> None:
-        """Record which robots that were last in one of these phases have been silent for too long.
-
-        Nobody is heard while the coordinator itself is away, and sends no Command.
-        """
-        for robot, (heard_ns, phase) in self._heard.items():
-            silent_ns = log_ns - max(heard_ns, self._here_ns)
-            is_known = robot in self._quiet or self._robot(robot).fault is not None
-            if not is_known and phase in of_phases and silent_ns > REPORT_TIMEOUT:
-                self._quiet.add(robot)
-                self._robot(robot).fault = "fell silent"
-                self._tell_fault(log_ns, robot, "fell silent", "silence")
-
     def _tell_link(self, robot: str, alive: bool, log_ns: int) -> None:
         """Record the loss of a link while the fleet is under way."""
-        is_cut = self._has_router is False
-        if not alive and not is_cut and self._phase is not None and self._phase[1] != phases.OVER:
-            told = self._robot(robot)
-            if self._heard.get(robot, (0, phases.IDLE))[1] != phases.DONE:
-                self._quiet.add(robot)
-                told.fault = "lost its link"
-                self._numbers.link_lost(robot, log_ns)
-                self._tell_fault(log_ns, robot, told.fault, "link")
+        is_under_way = self._phase is not None and self._phase[1] != phases.OVER
+        if not alive and is_under_way and self._faults.lose_link(robot, log_ns):
+            self._numbers.link_lost(robot, log_ns)
 
     def _tell_report(self, report: Report, robot: str, log_ns: int) -> None:
-        told = self._robot(robot)
+        told = self.summary.robot(robot)
         told.reports += 1
-        self._heard[robot] = (log_ns, report.phase)
-        if robot in self._quiet:
-            self._quiet.discard(robot)
-            told.fault = None
         if report.rest is not None and report.phase in (phases.MOVING, phases.BRAKING):
             self.summary.positions_on_wire += 1
-        if report.fault != self._faults.get(robot, phases.NO_FAULT):
-            self._faults[robot] = report.fault
-            told.fault = (
-                phases.fault_name(report.fault) if report.fault != phases.NO_FAULT else None
-            )
-            if told.fault is not None and report.phase != phases.IDLE:
-                self._tell_fault(log_ns, robot, told.fault, "report")
+        self._faults.hear_report(report, robot, log_ns)
         course = (report.epoch, report.revision)
         if report.epoch in self._starts_ns:
             self._driven[robot] = max(self._driven.get(robot, (0, 0)), course)
@@ -471,9 +395,6 @@ class _Telling:
             told.arrived = self._seconds(before_ns if before == course else log_ns)
             epoch.arrivals[robot] = told.arrived
             self._last_arrival_ns, self._arrived_by[robot] = log_ns, course
-
-    def _tell_fault(self, log_ns: int, robot: str, fault: str, kind: str) -> None:
-        self.summary.faults.append(FaultSummary(self._seconds(log_ns), robot, fault, kind))
 
 
 def _last_phases(logs: Iterable[Log]) -> list[tuple[str, int]]:

@@ -253,3 +253,7 @@ class Summary(msgspec.Struct):
     giving_way: list[GivingWay] = []
     proof: Proof | None = None
     keys: dict[str, Traffic] = {}
+
+    def robot(self, name: str) -> RobotSummary:
+        """Return what is told of a robot, nothing yet if it is new."""
+        return self.robots.setdefault(name, RobotSummary())

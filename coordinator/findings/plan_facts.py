@@ -126,7 +126,7 @@ def take_plans(
             continue
         zero = starts.get(document.epoch, 0.0)
         for robot in document.robots:
-            told = summary.robots.setdefault(robot.id, RobotSummary())
+            told = summary.robot(robot.id)
             told.planned_start = zero + robot.start_time
             told.planned_finish = zero + robot.finish_time
             told.stops = [
