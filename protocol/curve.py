@@ -238,8 +238,9 @@ class Curve:
                 for node, weight in _GAUSS:
                     size += weight * self._speed(0.5 * (u0 + u1) + 0.5 * (u1 - u0) * node)
                 size *= 0.5 * (u1 - u0)
-                if size > 0.0:
+                end = self._cell_s[-1] + size
+                if end > self._cell_s[-1]:  # A cell so short that its length is lost is none.
                     self._cell_u.append(u1)
-                    self._cell_s.append(self._cell_s[-1] + size)
+                    self._cell_s.append(end)
                     self._cell_slope.append(1.0 / max(self._speed(u1), 1e-9))
             previous = knot

@@ -58,6 +58,9 @@ class GrantedCourses(Granted):
         self.courses = 0
         self._terms, self._prove = plan.document, prove
         self._ways = {one.id: [Course(one, 0.0)] for one in plan.driven}
+        self._withdrawn: dict[str, list[Course]] = {}
+        """By robot: courses that it had not begun when others were sent around it."""
+
         self._around: set[str] = set()
         """The robots that others go around: they are granted nothing more."""
 
@@ -137,8 +140,12 @@ class GrantedCourses(Granted):
         elif report.rest is not None and report.rest.epoch == report.epoch:
             self._rests[robot] = report.rest
         ways = self._ways.get(robot, [])
+        for one in self._withdrawn.get(robot, ()):
+            if report.revision == one.driven.plan.revision:
+                ways[:1] = [one.begun()]
         if len(ways) == 2 and report.revision >= ways[1].driven.plan.revision:
             ways[:] = [ways[1].begun()]
+            self._withdrawn.pop(robot, None)
             self._around.discard(robot)
         if ways and report.phase == DONE and report.revision == ways[0].driven.plan.revision:
             ways[0] = ways[0].arrived(report.stamp_ms)
@@ -186,6 +193,7 @@ class GrantedCourses(Granted):
         self._ways.pop(robot, None)
         self._coming.discard(robot)
         self._around.discard(robot)
+        self._withdrawn.pop(robot, None)
         self._rests.pop(robot, None)
         self._radius.pop(robot, None)
         self._limits.pop(robot, None)
@@ -199,12 +207,15 @@ class GrantedCourses(Granted):
         if robot in self._ways:
             self.end_grants(robot)
             self._around.add(robot)
-            del self._ways[robot][1:]  # What it has not begun is withdrawn.
+            self._withdrawn.setdefault(robot, []).extend(self._ways[robot][1:])
+            del self._ways[robot][1:]
 
     def _that_stand_near(self, course: Course) -> list[str]:
         """Return sentences on robots that a course comes too near.
 
-        They are those that others went around when it was found.
+        They are those that others went around when it was found.  Where one has said that it rests
+        may seem to be before what it has passed: it counts as that far ahead as its tolerance lets
+        it.  So it is enough to keep clear of either.
         """
         mine, found = course.driven, []
         revision, around = self._found.get(mine.id, (-1, frozenset()))
@@ -213,19 +224,21 @@ class GrantedCourses(Granted):
         way = shapely.linestrings(mine.chain.points)
         for name in sorted(self._around & around):
             need = mine.radius + self._radius[name] + self._terms.margin
-            apart = float(shapely.distance(way, self._standing(name))) - mine.chain.bound
+            where = [shapely.distance(way, one) for one in self._standing(name)]
+            apart = float(max(where)) - mine.chain.bound
             if name != mine.id and apart < need - TOLERANCE:
                 found.append(f"comes within {apart:.4f} m of where {name} may stand")
         return found
 
-    def _standing(self, robot: str) -> shapely.Geometry:
-        """Return where a robot may stand that others go around, by what it has said up to now."""
+    def _standing(self, robot: str) -> list[shapely.Geometry]:
+        """Return where a robot stands that others go around, by its progress and by its word."""
         ride, rest = self._ways[robot][0].driven, self._rests.get(robot)
+        since, until = self.stretch_of(robot)
+        found = [shapely.linestrings(stretch(ride, since / 1000.0, until / 1000.0))]
         if rest is not None and rest.revision == ride.plan.revision:
             place = resting_pose(ride, standing_of(robot, rest), self._terms.margin)[:2]
-            return shapely.linestrings([place, place])
-        since, until = self.stretch_of(robot)
-        return shapely.linestrings(stretch(ride, since / 1000.0, until / 1000.0))
+            found.append(shapely.linestrings([place, place]))
+        return found
 
     @property
     def document(self) -> PlanDocument:

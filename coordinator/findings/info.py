@@ -10,7 +10,7 @@ the page; in a log without a GO, from its first message.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import msgspec
@@ -83,6 +83,9 @@ if TYPE_CHECKING:
 _POINT_BYTES: Final = 8
 _AT_ONCE: Final = 0.15
 """A hold that ends within this [s] of a freeze was ended by it."""
+_Course = tuple[int, int, int]
+"""A course of a robot: in which of its stays in the fleet, the epoch, and the revision."""
+
 _NO_BOXES: Final[Mapping[str, TrueCourse]] = {}
 
 
@@ -103,10 +106,11 @@ def courses_of(
 ) -> dict[str, TrueCourse]:
     """Return those black boxes of a log's robots that are in these folders.
 
-    before: the logs that this one resumes from, oldest first.  Raises InputError if a box cannot be
-    read or is of another run.
+    before: the logs that this one resumes from, oldest first; their robots count, too.  Raises
+    InputError if a box cannot be read or is of another run.
     """
-    places = (keys.split(key) for key in {record.key for record in log.records})
+    every = {record.key for one in (*before, log) for record in one.records}
+    places = (keys.split(key) for key in every)
     robots = {place[2] for place in places if place is not None and place[1] == "report"}
     lag_ns = clock_lag(log)
     go_ns = first_go([*before, log], lag_ns)
@@ -136,18 +140,20 @@ class _Telling:
         go_ns = first_go([*before, log], self._lag_ns)
         self._zero_ns = begin_ns if go_ns is None else go_ns
         self._numbers = Numbers(log, self._zero_ns)
-        self._courses = Courses(self._zero_ns, self._lag_ns, log.metadata.get("boot", ""))
+        boots = {one.metadata.get("boot", "") for one in (*before, log)}
+        self._courses = Courses(self._zero_ns, self._lag_ns, boots)
         self._plans = read_plans(log.attachments)
         self._present = Attendance(one.id for one in (self._plans[0].robots if self._plans else ()))
         self._strangers = strangers_in(log, before)
         self._orders: dict[str, OrderState] = {}
-        self._arrived_by: dict[str, tuple[int, int]] = {}
-        """The course, by epoch and revision, on which each robot has arrived last."""
+        self._arrived_by: dict[str, _Course] = {}
+        """The course on which each robot has arrived last."""
 
-        self._driven: dict[str, tuple[int, int]] = {}
+        self._driven: dict[str, _Course] = {}
         """The newest course that each robot has said to drive."""
 
-        self._arrived_before = _arrivals(before)
+        self._arrived_before: dict[str, tuple[_Course, int]] = {}
+        """In the logs before: the course on which each robot arrived last, and when [ns]."""
 
         self.summary = Summary(
             fleet=log.metadata.get("fleet", ""),
@@ -162,7 +168,10 @@ class _Telling:
             version=log.metadata.get(WRITTEN_BY),
             protocol=protocol_of(log.metadata),
         )
-        heard = {robot: (begin_ns, phase) for robot, phase in _last_phases(before[-1:])}
+        last = dict[str, int]()
+        for one in before:
+            last = self._hear_before(one)
+        heard = {robot: (begin_ns, phase) for robot, phase in last.items()}
         self._faults = Faults(self.summary, self._seconds, heard)
         for record in records:
             self._count(record)
@@ -170,6 +179,31 @@ class _Telling:
         self._take_plans()
         self._add_up(records[-1].log_ns if records else 0)
         self._courses.fill(self.summary.robots, boxes, self._stays())
+
+    def _hear_before(self, log: Log) -> dict[str, int]:
+        """Take in who was there, drove and arrived in a log before this one.
+
+        Return the robots' last phases.
+        """
+        last: dict[str, int] = {}
+        for record in log.records:
+            place = keys.split(record.key)
+            message = None if place is None else codec.decode(place[1], record.payload)
+            if place is None or message is None or place[2] in self._strangers:
+                continue
+            robot = place[2]
+            self._present.take(message, record.log_ns)
+            self._courses.hear(message, robot, record)
+            if isinstance(message, Report):
+                last[robot], course = message.phase, self._course(message, robot)
+                before = self._arrived_before.get(robot)
+                if message.phase == phases.DONE and (before is None or before[0] != course):
+                    self._arrived_before[robot] = course, record.log_ns
+        return last
+
+    def _course(self, report: Report, robot: str) -> _Course:
+        """Return what a robot drives; its revisions begin anew with each of its stays."""
+        return len(self._present.stays.get(robot, ())), report.epoch, report.revision
 
     def _stays(self) -> dict[str, list[tuple[float, float]]]:
         """Return from when until when [s] robots were in the fleet that joined or left."""
@@ -234,7 +268,6 @@ class _Telling:
             told.policy = told.policy or plans[0].policy
         here = {one.robot for one in sent if one.is_here}
         for one in sent:
-            self._courses.know(one.plan, one.robot)
             self._take_sent(one, starts, is_attached=bool(plans), is_here=one.robot in here)
         sizes = [robot.plan_bytes for robot in told.robots.values()]
         told.largest_plan_bytes = max([told.largest_plan_bytes, *sizes])
@@ -246,7 +279,8 @@ class _Telling:
 
         is_here: whether the log itself holds a course of that robot.
         """
-        plan, is_driven = sent.plan, self._driven.get(sent.robot) == sent.course
+        plan, driven = sent.plan, self._driven.get(sent.robot)
+        is_driven = driven is not None and driven[1:] == sent.course
         if is_further(plan) and is_driven and sent.start_ns is not None:
             zero = self._seconds(sent.start_ns + self._lag_ns)
             take_message(plan, self.summary.robot(sent.robot), zero)
@@ -384,9 +418,9 @@ class _Telling:
         if report.rest is not None and report.phase in (phases.MOVING, phases.BRAKING):
             self.summary.positions_on_wire += 1
         self._faults.hear_report(report, robot, log_ns)
-        course = (report.epoch, report.revision)
+        course = self._course(report, robot)
         if report.epoch in self._starts_ns:
-            self._driven[robot] = max(self._driven.get(robot, (0, 0)), course)
+            self._driven[robot] = max(self._driven.get(robot, course), course)
         if report.phase != phases.DONE or report.epoch not in self._starts_ns:
             return
         epoch = self._epochs[report.epoch]
@@ -395,30 +429,3 @@ class _Telling:
             told.arrived = self._seconds(before_ns if before == course else log_ns)
             epoch.arrivals[robot] = told.arrived
             self._last_arrival_ns, self._arrived_by[robot] = log_ns, course
-
-
-def _last_phases(logs: Iterable[Log]) -> list[tuple[str, int]]:
-    """Return the robots that were heard in logs, each with the phase that it reported last."""
-    found: dict[str, int] = {}
-    for robot, report, _ in _reports(logs):
-        found[robot] = report.phase
-    return list(found.items())
-
-
-def _arrivals(logs: Iterable[Log]) -> dict[str, tuple[tuple[int, int], int]]:
-    """Return the course on which each robot arrived last, and when that was first heard [ns]."""
-    found: dict[str, tuple[tuple[int, int], int]] = {}
-    for robot, report, log_ns in _reports(logs):
-        course = (report.epoch, report.revision)
-        if report.phase == phases.DONE and found.get(robot, ((0, 0), 0))[0] != course:
-            found[robot] = (course, log_ns)
-    return found
-
-
-def _reports(logs: Iterable[Log]) -> Iterator[tuple[str, Report, int]]:
-    """Yield the robots' reports in logs, each with when it was heard [ns]."""
-    for record in (record for log in logs for record in log.records):
-        place = keys.split(record.key)
-        message = codec.decode("report", record.payload) if place and place[1] == "report" else None
-        if place and isinstance(message, Report):
-            yield place[2], message, record.log_ns

@@ -7,7 +7,7 @@ exact where this module samples.  Must not know: logs, messages.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy as np
 
 from coordinator.base.errors import InputError
 from coordinator.findings.ride_samples import Array, RideSamples
-from coordinator.log.box_file import box_text, start_of_box
+from coordinator.log.box_file import box_text, boxes_of_run
 from protocol.phases import DONE, PHASE_NAMES
 
 _COLUMNS: Final = "t,x,y,heading,s,phase,estimate"
@@ -29,16 +29,25 @@ _ALIKE: Final = 1e-4
 """Places nearer to each other than this [m] are compared with the plan only once."""
 
 
+STOPPED: Final = 5.0
+"""So long [s] after its coordinator's last word every robot has stopped."""
+
+
 @dataclass(frozen=True, eq=False)
 class TrueCourse:
     """Rows of a black box: t (n,) [s since the first GO], places (n, 2) [m].
 
-    arrival [s]: when the robot was at the goal of the last course on which it arrived.
+    arrivals (k,) [s]: when the robot came to the goals of its courses.
     """
 
     t: Array
     places: Array
-    arrival: float | None
+    arrivals: Array
+
+    @property
+    def arrival(self) -> float | None:
+        """When [s] the robot was at the goal of the last course on which it arrived."""
+        return round(float(self.arrivals[-1]), 3) if len(self.arrivals) else None
 
     def at(self, times: Array) -> Array:
         """Return the places (m, 2) at times (m,), linear between rows and at rest outside them."""
@@ -47,7 +56,8 @@ class TrueCourse:
     def between(self, begin: float, end: float) -> TrueCourse:
         """Return the rows with begin <= t < end."""
         kept = (self.t >= begin) & (self.t < end)
-        return TrueCourse(self.t[kept], self.places[kept], self.arrival)
+        then = (self.arrivals >= begin) & (self.arrivals < end)
+        return TrueCourse(self.t[kept], self.places[kept], self.arrivals[then])
 
     def off(self, ride: RideSamples, start: float, row: float) -> float:
         """Return the greatest distance [m] from a plan whose time zero is `start`.
@@ -64,12 +74,15 @@ class TrueCourse:
         return worst
 
 
-def read_course(path: Path, start_ns: int | None = None) -> TrueCourse:
-    """Read a black box, without a truncated last line; start_ns: the fleet's first GO, if known.
+def read_course(
+    path: Path, start_ns: int | None = None, earlier: Sequence[Path] = ()
+) -> TrueCourse:
+    """Read a black box, without a truncated last line.
 
-    Raise InputError, which names file and line, if it is not valid.
+    start_ns: the fleet's first GO, if known; earlier: its files before this one, the oldest first.
+    Raises InputError, which names file and line, if it is not valid.
     """
-    lines = box_text(path, start_ns).splitlines()
+    lines = box_text(path, start_ns, earlier).splitlines()
     if not lines or lines[0] not in (_COLUMNS, _OLDER):
         raise InputError([f"{path}: line 1: the columns are not {_COLUMNS}"])
     rows, commas = lines[1:], lines[0].count(",")
@@ -84,8 +97,7 @@ def read_course(path: Path, start_ns: int | None = None) -> TrueCourse:
         raise InputError([f"{path}: its times do not increase, or a number is not finite"])
     done = PHASE_NAMES[DONE]
     begins = [i for i, (a, b) in enumerate(pairwise(["", *phases])) if a != b == done]
-    arrival = round(float(table[begins[-1], 0]), 3) if begins else None
-    return TrueCourse(table[:, 0], table[:, 1:], arrival)
+    return TrueCourse(table[:, 0], table[:, 1:], table[begins, 0])
 
 
 def _numbers(path: Path, rows: list[str]) -> Array:
@@ -111,21 +123,17 @@ def courses_in(
     start_ns: the fleet's first GO, if known; starts: every time zero [ns] of the log.  Raises
     InputError, which names the files, for boxes that count from none of those.
     """
-    folders = list(folders)
-    places = {robot: [folder / f"{robot}.csv" for folder in folders] for robot in robots}
-    boxes = {
-        robot: path
-        for robot, paths in places.items()
-        if (path := next((one for one in paths if one.is_file()), None)) is not None
-    }
-    strange = [
-        f"{path}: is of another run than the log"
-        for path in boxes.values()
-        if starts and (start_of_box(path) or start_ns) not in {*starts, start_ns}
-    ]
+    folders, every = list(folders), {*starts, *(() if start_ns is None else (start_ns,))}
+    boxes: dict[str, list[Path]] = {}
+    strange: list[str] = []
+    for robot in robots:
+        paths = (folder / f"{robot}.csv" for folder in folders)
+        if (path := next(filter(Path.is_file, paths), None)) is not None:
+            boxes[robot] = boxes_of_run(path, every)
+            strange += [] if boxes[robot] else [f"{path}: is of another run than the log"]
     if strange:
         raise InputError(strange)
-    return {robot: read_course(path, start_ns) for robot, path in boxes.items()}
+    return {robot: read_course(one[-1], start_ns, one[:-1]) for robot, one in boxes.items()}
 
 
 def _unlike(places: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:

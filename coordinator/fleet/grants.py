@@ -72,6 +72,7 @@ class PlainGrants(msgspec.Struct, frozen=True):
     held: list[tuple[int, int, int]]
     ends: dict[str, int] = {}
     kept_from: dict[str, str] = {}
+    replaced: dict[str, list[PlainSent]] = {}
 
 
 class Grants:
@@ -150,6 +151,11 @@ class Grants:
             [(slot, *held) for slot, held in self.standstills.by_slot.items()],
             self.ends.halts,
             self.standstills.kept_from,
+            {
+                name: [PlainSent.of(one) for one in mine.replaced]
+                for name, mine in self._courses.items()
+                if mine.replaced
+            },
         )
 
     @classmethod
@@ -163,7 +169,8 @@ class Grants:
             name: Courses(now.sent(), None if coming is None else coming.sent(), slots)
             for name, (now, coming, slots) in told.courses.items()
         }
-        for mine in made._courses.values():
+        for name, mine in made._courses.items():
+            mine.replaced = [one.sent() for one in told.replaced.get(name, ())]
             if mine.next is not None and not mine.next.is_withdrawn:
                 made._run_along(mine.now, mine.next)
         made.standstills = still = Standstills(made._names)
@@ -316,6 +323,7 @@ class Grants:
         else:
             if mine.next is not None:
                 self._reserved.add(mine.next.number)  # Nothing is ever granted on it.
+                mine.replaced += [mine.next] if mine.next.is_from_rest else []
             mine.next = sent
             self._run_along(mine.now, sent)
         self._numbers[slot], self._done[slot] = number, False
@@ -376,8 +384,9 @@ class Grants:
             return True
         if max(report.revision, report.holds) > mine.newest.revision:
             return False  # Another coordinator has sent it that course.
-        if mine.next is not None and report.revision >= mine.next.revision:
-            self._begin(mine, mine.next, now_ms)
+        for one in (mine.next, *mine.replaced):
+            if one is not None and report.revision == one.revision:
+                self._begin(mine, one, now_ms)
         if report.revision != mine.now.revision:
             return True
         fits = self._hear_progress(mine.now, report, now_ms)
@@ -387,13 +396,15 @@ class Grants:
         return fits
 
     def _begin(self, mine: Courses, begun: Sent, now_ms: int) -> None:
-        """Take in that a robot has left its old course for the next one."""
-        old, mine.now, mine.next = mine.now, begun, None
+        """Take in that a robot has left its course for the next one, or one that it replaced."""
+        old, mine.now, is_next = mine.now, begun, begun is mine.next
+        mine.next = None if is_next else mine.next
+        mine.replaced = [one for one in mine.replaced if one.revision > begun.revision]
         begun.course = None if begun.course is None else begun.course.begun()
         robot, rule = self._names[begun.slot], self._rule
         self.ends.limits.pop(robot, None)
         if begun.is_withdrawn:
-            self._take_place(begun, old)
+            self._take_place(begun, old, begun.slot if is_next else -1)
             return
         self.ends.forget(robot)
         rule.reach(begun.slot, begun.begin_ms)
@@ -403,22 +414,26 @@ class Grants:
         self._numbers[old.slot] = -1
         self.standstills.begin(begun.slot, old.slot, now_ms)
 
-    def _take_place(self, begun: Sent, old: Sent) -> None:
+    def _take_place(self, begun: Sent, old: Sent, own: int) -> None:
         """Let a withdrawn course that was begun take the old one's place in the tables.
 
         Its robot can be nowhere but where the old one has it as well, or where it rested on that.
         So those behind it wait for what it has passed of the old one, until it drives another.
+        `own`: its own slot, -1 if the course that replaced it has that.
         """
-        rule, slot, own = self._rule, old.slot, begun.slot
-        rule.granted[slot] = rule.granted[own]
-        rule.told[slot] = min(int(rule.told[slot]), int(rule.told[own]))
+        rule, slot = self._rule, old.slot
+        granted_ms = told_ms = begun.begin_ms
+        if own >= 0:
+            granted_ms, told_ms = int(rule.granted[own]), int(rule.told[own])
+            self._numbers[own] = -1
+        rule.granted[slot], rule.told[slot] = granted_ms, min(int(rule.told[slot]), told_ms)
         rule.barred[slot], self._done[slot] = True, False
-        self._numbers[slot], self._numbers[own] = begun.number, -1
-        begun.slot = slot
+        self._reserved.discard(begun.number)
+        self._numbers[slot], begun.slot = begun.number, slot
 
     def _hear_progress(self, sent: Sent, report: Report, now_ms: int) -> bool:
         slot = sent.slot
-        if sent.is_withdrawn and sent.shared_ms <= sent.begin_ms:
+        if sent.is_withdrawn and sent.is_from_rest:
             return True  # It rests where it begins, and has passed no more of the one before.
         is_done = report.phase == DONE
         if is_done and sent.course is not None:

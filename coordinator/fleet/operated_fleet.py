@@ -108,7 +108,8 @@ class OperatedFleet(FleetState):
 
     def _hear_order(self, message: Order | Cancel, now_ns: int) -> list[Outgoing]:
         """Take in an order, or take one back; the answer is what has become of it."""
-        known, now_ms = self.orders.tasks.get(message.id), self.since_go_ms(now_ns)
+        known = self.orders.tasks.get(message.id)
+        now_ms = max(self.since_go_ms(now_ns), 0)  # The first GO may be a moment ahead.
         if isinstance(message, Cancel):
             if known is not None and known.joins is not None and not known.is_over:
                 self.orders.end(known, CANCELLED)

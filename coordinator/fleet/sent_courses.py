@@ -6,7 +6,7 @@ Decides: which of them count.  Must not know: authority, other robots, messages.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import msgspec
@@ -40,17 +40,24 @@ class Sent:
     shared_ms: int = 0
     """Until when it is the course before it; where it begins at rest, that is its beginning."""
 
+    @property
+    def is_from_rest(self) -> bool:
+        """Whether it begins at rest."""
+        return self.shared_ms <= self.begin_ms
+
 
 @dataclass
 class Courses:
     """A robot's course in force, and the one that it was sent and has not begun.
 
-    `slots`: the two places in tables that its courses take in turn.
+    `slots`: the two places in tables that its courses take in turn.  `replaced`: withdrawn courses
+    from where the robot rests, in place of which it was sent `next`: it may begin one of them yet.
     """
 
     now: Sent
     next: Sent | None = None
     slots: tuple[int, int] = (0, 0)
+    replaced: list[Sent] = field(default_factory=list)
 
     @property
     def free_slot(self) -> int:
@@ -74,7 +81,7 @@ class Courses:
         coming = self.next
         if coming is None or coming.is_withdrawn:
             return False
-        return coming.shared_ms <= coming.begin_ms < now_ms
+        return coming.is_from_rest and coming.begin_ms < now_ms
 
     def is_changing(self, holds: int) -> bool:
         """Return whether a robot that holds this revision has yet to begin its next course.

@@ -1,13 +1,20 @@
 """Reads the file of a black box, with its times counted from the fleet's first GO.
 
 A robot's program counts from the first GO that it hears.  If the robot joined later, or the fleet
-had stood still meanwhile, that is another instant; the file ROBOT.csv.start holds it.
+had stood still meanwhile, that is another instant; the file ROBOT.csv.start holds it.  A program
+that was started again when another coordinator led has kept the box so far as ROBOT.csv.1,
+ROBOT.csv.2, ...
 
-Decides: which instant a box counts from.  Must not know: what is in its rows besides times.
+Decides: which instant a box counts from, and which files belong to one run.  Must not know: what is
+in its rows besides times.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection, Sequence
+from functools import reduce
+from itertools import count, takewhile
 from pathlib import Path
 from typing import Final
 
@@ -27,11 +34,47 @@ def start_of_box(path: Path) -> int | None:
         return None
 
 
-def box_text(path: Path, start_ns: int | None) -> str:
+def boxes_of_run(path: Path, starts: Collection[int]) -> list[Path]:
+    """Return the files of a robot's box that are of a run, the oldest first.
+
+    starts: every time zero [ns] of the run; if none is known, the newest file is taken to be of it.
+    So is one whose start is not known.
+    """
+    kept = (path.with_name(f"{path.name}.{number}") for number in count(1))
+    every = [*takewhile(Path.is_file, kept), path]
+    if not starts or start_of_box(path) is None:
+        return [path]
+    return [one for one in every if start_of_box(one) in starts]
+
+
+def box_text(path: Path, start_ns: int | None, earlier: Sequence[Path] = ()) -> str:
     """Return a box's text with times from `start_ns` on, which is unknown if None.
 
-    Raises InputError if the file cannot be read.
+    earlier: its files before this one, the oldest first.  Raises InputError if one cannot be read.
     """
+    return reduce(_joined, (_one_text(one, start_ns) for one in (*earlier, path)))
+
+
+def _joined(before: str, text: str) -> str:
+    """Return a text with the rows of an earlier one first, if they are all from before it."""
+    head, *rows = text.splitlines(keepends=True)
+    earlier = before[: before.rfind("\n") + 1].splitlines(keepends=True)
+    if earlier[:1] != [head]:
+        return text
+    if rows and earlier[1:] and not _time(earlier[-1]) <= _time(rows[0]):
+        return text
+    return "".join([*earlier, *rows])
+
+
+def _time(row: str) -> float:
+    try:
+        return float(row.split(",")[_T])
+    except ValueError:
+        return math.nan
+
+
+def _one_text(path: Path, start_ns: int | None) -> str:
+    """Return the text of one file, with times from `start_ns` on."""
     try:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:

@@ -58,6 +58,11 @@ class _Known:
     is_withdrawn: bool = False
     """Whether others go around its robot, which was sent it and had not said that it drives it."""
 
+    @property
+    def is_from_rest(self) -> bool:
+        """Whether it begins at rest."""
+        return self.shared_ms <= self.begin_ms
+
 
 class Granted:
     """What one epoch's Commands granted and its Reports told [ms of plan time]; both only grow.
@@ -79,6 +84,10 @@ class Granted:
         """By the number in Commands."""
         self._now = dict(zip(self._robots, self._courses.values(), strict=True))
         self._next: dict[str, _Known] = {}
+        self._replaced: dict[str, list[_Known]] = {}
+        """By robot: withdrawn courses from where it rests, which it may begin although it was sent
+        another one since."""
+
         self._granted = np.zeros(2 * count)
         self._unseen = np.zeros(2 * count)
         """What may have been granted by coordinators that died, and is in no log."""
@@ -117,6 +126,7 @@ class Granted:
     def leave(self, robot: str) -> None:
         """Take in that a robot is not on the floor any more: nobody has to wait for it."""
         self.joining.discard(robot)
+        self._replaced.pop(robot, None)
         for one in (self._now.pop(robot, None), self._next.pop(robot, None)):
             if one is not None:
                 self._passed[one.slot], self._at_goal[one.slot] = np.inf, True
@@ -163,8 +173,10 @@ class Granted:
         `staircases`: those of the course, index 0, with the courses of `near` (robot, revision).
         `shared_ms`: until when it is the robot's course in force as well.
         """
-        now = self._now.get(robot)
-        is_withdrawn = robot in self._next
+        now, coming = self._now.get(robot), self._next.get(robot)
+        is_withdrawn = coming is not None
+        if coming is not None and coming.is_from_rest:
+            self._replaced.setdefault(robot, []).append(coming)
         slot = self._new_slots(robot) if now is None or is_withdrawn else now.other_slot
         message = encode(msgspec.structs.replace(plan, boot=0))
         other = slot + 1 if now is None else now.slot
@@ -214,9 +226,9 @@ class Granted:
         return True
 
     def _take_progress(self, robot: str, report: Report) -> None:
-        coming = self._next.get(robot)
-        if coming is not None and report.revision >= coming.revision:
-            self._begin(robot, coming)
+        for one in (self._next.get(robot), *self._replaced.get(robot, ())):
+            if one is not None and report.revision == one.revision:
+                self._begin(robot, one)
         known = self._now.get(robot)
         if known is None or known.revision != report.revision:
             if known is not None and report.revision > known.revision:
@@ -224,7 +236,7 @@ class Granted:
                 if text not in self.failures:
                     self.failures.append(text)
             return
-        if known.is_withdrawn and known.shared_ms <= known.begin_ms:
+        if known.is_withdrawn and known.is_from_rest:
             return  # It rests where that begins, and has passed no more of the course before.
         slot = known.slot
         if report.phase == DONE:
@@ -248,12 +260,16 @@ class Granted:
         return line.s_at(0.001 * most) >= line.length - _AT_GOAL
 
     def _begin(self, robot: str, coming: _Known) -> None:
-        """Take in that a robot has left its course for the next one.
+        """Take in that a robot has left its course for the next one, or one that it replaced.
 
         On one that was withdrawn it is where the old one has it as well, or where it rested on
         that: it takes the old one's place, and others wait for what the robot has passed of that.
         """
-        old, self._now[robot] = self._now[robot], self._next.pop(robot)
+        old, self._now[robot] = self._now[robot], coming
+        if self._next.get(robot) is coming:
+            del self._next[robot]
+        left = self._replaced.pop(robot, ())
+        self._replaced[robot] = [one for one in left if one.revision > coming.revision]
         self._courses = {n: one for n, one in self._courses.items() if one is not old}
         if coming.is_withdrawn:
             slot, own = old.slot, coming.slot

@@ -193,13 +193,21 @@ bool sf_takes_plan(sf_agent *agent, sf_plan *plan) {
     return true;
 }
 
+/* Whether the robot has stopped where a newer course begins, or was never let set out on its own:
+   the coordinator may have taken that back before the robot heard of it. */
+static bool stands_where(const sf_agent *agent, sf_course *coming) {
+    const sf_course *ride = agent->ride;
+    bool stands = agent->phase == SF_FROZEN || ride->told_ms <= ride->begin_ms;
+    return stands && sf_rests_where(ride, coming);
+}
+
 /* Hold a newer course, if the robot stands at its beginning, or is on its way there. */
 static void hear_course(sf_agent *agent, const sf_plan *plan, sf_course *coming) {
     sf_course *ride = agent->ride;
     if (!takes_courses(agent, plan)) return;
-    bool fits = agent->phase == SF_FROZEN ? sf_rests_where(ride, coming)
-                                          : sf_leads_into(ride, coming, agent->phase == SF_DONE);
-    if (!fits) return;
+    uint8_t phase = agent->phase;
+    bool may_lead = phase != SF_FROZEN && sf_leads_into(ride, coming, phase == SF_DONE);
+    if (!may_lead && !stands_where(agent, coming)) return;
     sf_end_with(ride, coming);
     agent->coming = coming;
     agent->next_number = plan->number;
@@ -265,10 +273,10 @@ static void try_to_arm(sf_agent *agent, sf_course *ride) {
 static void drive(sf_agent *agent, sf_course *ride) {
     sf_locate(ride, &agent->pose);
     if (agent->phase == SF_MOVING) {
-        sf_turn_before_start(ride, &agent->pose);
+        uint8_t fault = sf_turn_before_start(ride, &agent->pose);
         agent->drive_turn = ride->turn;
         sf_real now = time_now(agent, ride, ride->time + agent->passed);
-        uint8_t fault = sf_trouble(ride);
+        fault |= sf_trouble(ride); /* Either is SF_OFF_PATH. */
         if (fault != SF_NO_FAULT) fail(agent, fault);
         else if (sf_arrived(ride)) apply(agent, ARRIVED);
         else sf_keep_to_plan(ride, now);
@@ -297,14 +305,14 @@ static sf_course *change(sf_agent *agent) {
 /* The course to drive now: the newer one, once it has begun. */
 static sf_course *on_course(sf_agent *agent) {
     sf_course *ride = agent->ride, *coming = agent->coming;
-    bool over, stands = agent->phase == SF_FROZEN;
-    if (before_motion(agent) || (stands && agent->leader.order.phase != GO)) return ride;
+    bool over, has_stopped = agent->phase == SF_FROZEN, at_goal = agent->phase == SF_DONE;
+    if (before_motion(agent) || (has_stopped && agent->leader.order.phase != GO)) return ride;
     sf_locate(ride, &agent->pose);
-    if (stands) {
-        over = sf_rests_where(ride, coming) && time_now(agent, coming, SF_INF) >= coming->begin;
+    if (stands_where(agent, coming)) {
+        over = time_now(agent, coming, SF_INF) >= coming->begin;
     } else { /* At its goal no plan time passes for a robot that does not know the time. */
-        sf_real now = agent->phase == SF_DONE ? SF_INF : ride->time;
-        over = sf_is_over(ride, coming, time_now(agent, ride, now), agent->phase == SF_DONE);
+        sf_real now = time_now(agent, ride, at_goal ? SF_INF : ride->time);
+        over = !has_stopped && sf_is_over(ride, coming, now, at_goal);
     }
     return over ? change(agent) : ride;
 }

@@ -118,7 +118,7 @@ bool sf_rests_where(const sf_course *course, sf_course *coming);
 void sf_end_with(sf_course *course, sf_course *coming);
 bool sf_is_over(sf_course *course, sf_course *coming, sf_real now, bool at_goal);
 void sf_follow(sf_course *course, sf_course *before);
-void sf_turn_before_start(sf_course *course, const sf_pose *pose);
+uint8_t sf_turn_before_start(sf_course *course, const sf_pose *pose);
 void sf_reckon(sf_course *course, int64_t now_ms);
 uint8_t sf_fault_at_start(sf_course *course, const sf_pose *pose); /* or a turn */
 uint8_t sf_trouble(sf_course *course);

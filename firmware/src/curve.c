@@ -143,10 +143,10 @@ int sf_measure_cell(sf_plan *plan, sf_curve *curve) {
     }
     sf_real middle = R(0.5) * (u0 + u1), half = R(0.5) * (u1 - u0);
     for (int i = 0; i < 5; i++) size += GAUSS[i][1] * speed(curve, middle + half * GAUSS[i][0]);
-    size *= half;
-    if (size > R(0)) {
+    sf_real end = curve->length + half * size;
+    if (end > curve->length) { /* A cell so short that its length is lost is none. */
         curve->last++;
-        end_table(curve, u1, curve->length + size);
+        end_table(curve, u1, end);
     }
     return AGAIN;
 }

@@ -120,6 +120,12 @@ void sf_grant(sf_course *course, int64_t authority_ms) {
     limit_authority(course);
 }
 
+bool sf_rests_where(const sf_course *course, sf_course *coming) {
+    const sf_follower *mine = &course->follower;
+    return coming->from_rest && mine->located &&
+           sf_start_from(coming, &mine->pose).off <= TURN_SHARE * coming->track;
+}
+
 bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
     sf_timeline *line = &course->timeline;
     bool rests = coming->from_rest;
@@ -136,12 +142,6 @@ bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
     return sf_abs(line->v - coming->timeline.v) <= JOINT_SPEED && sf_abs(joint.turn) <= JOINT_TURN;
 }
 
-bool sf_rests_where(const sf_course *course, sf_course *coming) {
-    const sf_follower *mine = &course->follower;
-    return coming->from_rest && mine->located &&
-           sf_start_from(coming, &mine->pose).off <= TURN_SHARE * coming->track;
-}
-
 void sf_end_with(sf_course *course, sf_course *coming) {
     course->until = begin_of(coming, course);
     course->rests = coming->from_rest ? course->until : SF_INF;
@@ -150,10 +150,11 @@ void sf_end_with(sf_course *course, sf_course *coming) {
 
 bool sf_is_over(sf_course *course, sf_course *coming, sf_real now, bool at_goal) {
     sf_real until = course->until;
-    if (now < until || (course->time < until && course->time < course->timeline.finish)) return false;
+    if (now < until) return false;
     sf_real enough = sf_least(told(course, course), course->time + course->foresight);
     if (!coming->from_rest && (course->may_turn || told(coming, course) < enough)) return false;
     if (at_goal) return !sf_has_left_goal(course);
+    if (course->time < until && course->time < course->timeline.finish) return false;
     sf_real left = room(course, until), off = course->follower.off, track = course->track;
     if (left <= ARRIVAL_SLACK) return true;
     if (left * left + off * off > track * track) return false;
@@ -175,12 +176,13 @@ void sf_follow(sf_course *course, sf_course *before) {
     course->since[SF_BRAKES] = before->since[SF_BRAKES];
 }
 
-void sf_turn_before_start(sf_course *course, const sf_pose *pose) {
+uint8_t sf_turn_before_start(sf_course *course, const sf_pose *pose) {
     course->turn = R(0);
-    if (course->halted || !course->may_turn) return;
-    bool ready = sf_fault_at_start(course, pose) == SF_NO_FAULT && !course->turns;
-    course->may_turn = !ready && course->follower.s <= course->track;
-    if (!course->may_turn) course->turn = R(0);
+    if (course->follower.s > course->track) course->may_turn = false;
+    if (course->halted || !course->may_turn) return SF_NO_FAULT;
+    uint8_t fault = sf_fault_at_start(course, pose);
+    course->may_turn = fault || course->turns;
+    return fault;
 }
 
 /* How far behind a robot may seem that is not: by what its distance off the path leaves of the

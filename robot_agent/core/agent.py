@@ -220,14 +220,19 @@ class Agent:
             coming = Ride(self.epoch, rules, path, motion, self._max_speed, self._period)
         except (ValueError, ArithmeticError, IndexError):
             return
-        if self.phase == FROZEN:
-            fits = ride.rests_where(coming)
-        else:
-            fits = ride.leads_into(coming, self.phase == DONE)
-        if fits:
+        fits = self._stands(ride) and ride.rests_where(coming)
+        if fits or (self.phase != FROZEN and ride.leads_into(coming, self.phase == DONE)):
             ride.end_with(coming)
             self._coming, self.next_number = coming, number
             self.holds = self._taken = revision
+
+    def _stands(self, ride: Ride) -> bool:
+        """Return whether the robot has stopped, or was never let set out on its course.
+
+        In that case the coordinator may have taken that back before the robot heard of it, and send
+        another one from where the robot stands.
+        """
+        return self.phase == FROZEN or not ride.is_granted()
 
     def hear_clock(
         self, coordinator: int, sent_ns: int, received_ns: int, answered_ns: int, now_ns: int
@@ -261,12 +266,8 @@ class Agent:
         if phase == ARMED and not self._knows_time(ride, now_ns):
             self._disarm(now_ns)
         if self._coming is not None:
-            if phase in _WITH_COURSE:
-                ride = self._on_course(ride, now_ns, x, y, heading)
-            elif phase == FROZEN and self._leader.phase == GO:
-                ride.follower.locate(x, y, heading)
-                if ride.rests_where(self._coming) and self._has_begun(self._coming, now_ns):
-                    ride = self._change(ride, self._coming, now_ns)
+            if phase in _WITH_COURSE or (phase == FROZEN and self._leader.phase == GO):
+                ride = self._on_course(ride, self._coming, now_ns, x, y, heading)
             phase = self.phase
         if self.phase == IDLE:
             self._try_to_arm(ride, now_ns, x, y, heading)
@@ -384,10 +385,11 @@ class Agent:
         """
         ride.follower.locate(x, y, heading)
         if self.phase == MOVING:
+            fault = NO_FAULT
             if ride.may_turn:
-                self.drive_turn = ride.turn_before_start(x, y, heading)
+                fault, self.drive_turn = ride.turn_before_start(x, y, heading)
             now = self._plan_time(ride, now_ns, self._passed)
-            fault = ride.trouble()
+            fault = fault or ride.trouble()
             if fault != NO_FAULT:
                 self._fail(fault, now_ns)
             elif ride.arrived():
@@ -402,16 +404,19 @@ class Agent:
         self.drive_speed, self.drive_distance = ride.speed, ride.distance
         self.drive_curvature = ride.curvature
 
-    def _on_course(self, ride: Ride, now_ns: int, x: float, y: float, heading: float) -> Ride:
+    def _on_course(
+        self, ride: Ride, coming: Ride, now_ns: int, x: float, y: float, heading: float
+    ) -> Ride:
         """Return the course to drive now: the newer one, once it has begun."""
-        coming = self._coming
         ride.follower.locate(x, y, heading)
-        now = self._plan_time(ride, now_ns, 0.0)
-        if self.phase == DONE and not self._knows_time(ride, now_ns):
-            now = inf  # At its goal no plan time passes for a robot that does not know the time.
-        if coming is None or not ride.is_over(coming, now, self.phase == DONE):
-            return ride
-        return self._change(ride, coming, now_ns)
+        if self._stands(ride) and ride.rests_where(coming):
+            is_over = self._has_begun(coming, now_ns)
+        elif self.phase == DONE and not self._knows_time(ride, now_ns):
+            is_over = ride.is_over(coming, inf, True)  # At its goal no plan time passes then.
+        else:
+            now = self._plan_time(ride, now_ns, 0.0)
+            is_over = self.phase != FROZEN and ride.is_over(coming, now, self.phase == DONE)
+        return self._change(ride, coming, now_ns) if is_over else ride
 
     def _has_begun(self, coming: Ride, now_ns: int) -> bool:
         """Return whether a course from where the robot rests has begun, as far as it can know."""

@@ -192,6 +192,10 @@ class Ride:
         differ = abs(self._timeline.v_at(time) - coming._timeline.v_at(time))
         return differ <= JOINT_SPEED and abs(turn) <= JOINT_TURN
 
+    def is_granted(self) -> bool:
+        """Return whether the robot was let drive on this course."""
+        return self._told > self.begin
+
     def rests_where(self, coming: "Ride") -> bool:
         """Return whether a robot that has stopped stands where another course begins, at rest."""
         mine = self.follower
@@ -222,13 +226,15 @@ class Ride:
         and have turned towards this one.  It may be up to a tick short of that place, but within
         its track tolerance of it: others rely on it to have passed that place once it has changed.
         """
-        if now < self._until or self.time < min(self._until, self._timeline.finish):
+        if now < self._until:
             return False
         enough = min(self._told, self.time + self._foresight)
         if not coming.begins_at_rest() and (self.may_turn or coming._told < enough):
             return False
         if at_goal:
             return not self.has_left_goal()
+        if self.time < min(self._until, self._timeline.finish):
+            return False
         left = self._timeline.s_at(self._until) - self.follower.s
         if left <= ARRIVAL_SLACK:
             return True
@@ -250,17 +256,20 @@ class Ride:
         self._pace_time = self._watch
         self._brake_speed, self._brake_from = before._brake_speed, before._brake_from
 
-    def turn_before_start(self, x: float, y: float, heading: float) -> float:
-        """Return the turn on the spot [rad] that a robot at rest needs before this course.
+    def turn_before_start(self, x: float, y: float, heading: float) -> tuple[int, float]:
+        """Return the fault, or the turn on the spot [rad], of a robot at rest before this course.
 
         `may_turn` tells that the robot has not stood ready at the course's beginning yet, nor left
-        it.  Measured places are noisy, so it has left only beyond its track tolerance.
+        it.  Measured places are noisy, so it has left only beyond its track tolerance.  One that
+        stands too far off the beginning to turn there does not set out as it looks.
         """
+        if self.follower.s > self.track:
+            self.may_turn = False
         if self._halted or not self.may_turn:
-            return 0.0
-        stands, _, turn = self.stands_at_start(x, y, heading)
-        self.may_turn = not stands and self.follower.s <= self.track
-        return turn if self.may_turn else 0.0
+            return NO_FAULT, 0.0
+        stands, fault, turn = self.stands_at_start(x, y, heading)
+        self.may_turn = not stands
+        return fault, turn
 
     def reckon(self, now_ms: int) -> None:
         """Find what to report at a plan time [ms]: the robot has passed plan time stamp - late.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -74,12 +74,15 @@ class BlackBox:
         return float(np.nanmax(np.abs(self.estimates - self.t)))
 
 
-def read_blackbox(path: Path, start_ns: int | None = None) -> BlackBox:
+def read_blackbox(
+    path: Path, start_ns: int | None = None, earlier: Sequence[Path] = ()
+) -> BlackBox:
     """Read a black box; a last line cut short by a kill is left out.
 
-    start_ns: the first GO, by the logs.  Raises InputError naming the file and the line.
+    start_ns: the first GO, by the logs; earlier: its files before this one, the oldest first.
+    Raises InputError naming the file and the line.
     """
-    table, phases = parse_blackbox(box_text(path, start_ns), str(path))
+    table, phases = parse_blackbox(box_text(path, start_ns, earlier), str(path))
     return BlackBox(table[:, 0], table[:, 1:3], table[:, 4], phases, table[:, 5])
 
 

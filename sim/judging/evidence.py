@@ -13,14 +13,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from coordinator.base.errors import InputError
 from coordinator.findings.attendance import Attendance
 from coordinator.findings.attendance import Stay as Present
-from coordinator.log.box_file import start_of_box
+from coordinator.findings.true_course import STOPPED
+from coordinator.log.box_file import boxes_of_run
 from coordinator.log.log_file import logs_before, read_folder, read_log
 from coordinator.log.log_folder import box_folders, hint_below
 from coordinator.log.records import Log, Record
@@ -62,10 +63,6 @@ class Stay(NamedTuple):
     radius: float
     since: float = -math.inf
     until: float = math.inf
-
-
-_STOPPED: Final = 5.0
-"""So long [s] after its coordinator's last word every robot has stopped."""
 
 
 class Evidence(NamedTuple):
@@ -157,7 +154,7 @@ def _driven_later(log: Log, told: _Told, boxes: Mapping[str, BlackBox]) -> list[
     later = [
         name
         for name, box in boxes.items()
-        if (np.array(box.phases)[box.t > end + _STOPPED] == PHASE_NAMES[MOVING]).any()
+        if (np.array(box.phases)[box.t > end + STOPPED] == PHASE_NAMES[MOVING]).any()
     ]
     names = ", ".join(sorted(later))
     what = "drove on later: judge the log that resumes this one"
@@ -247,12 +244,12 @@ def _boxes(
         if found is None:
             missing += [robot] if robot in needed else []
             continue
-        start_ns = start_of_box(found)
-        if told.starts and start_ns is not None and start_ns not in told.every_start:
+        files = boxes_of_run(found, told.every_start)
+        if not files:
             problems.append(f"{found}: is of another run than the log")
             continue
         try:
-            boxes[robot] = read_blackbox(found, first)
+            boxes[robot] = read_blackbox(files[-1], first, files[:-1])
         except InputError as error:
             problems += error.problems
     if missing:

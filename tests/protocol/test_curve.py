@@ -173,3 +173,9 @@ def test_a_cubic_without_weights_is_placed_as_it_is_evaluated(curve, parts):
         evaluated.evaluate(evaluated.parameter_at(s))
         assert (placed.x, placed.y) == (evaluated.x, evaluated.y)
         assert (placed.dx, placed.dy) == (evaluated.dx, evaluated.dy)
+
+
+def test_a_last_span_whose_length_is_lost_beside_that_of_the_others_divides_by_nothing():
+    tested = Curve(1, clamped_knots(1, [1.0, 2.0]), [0.0, 1e3, 1e3], [0.0, 0.0, 1e-14], [1.0] * 3)
+    tested.place(tested.length)
+    assert (tested.x, tested.y) == pytest.approx((1e3, 0.0))

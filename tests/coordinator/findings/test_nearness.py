@@ -38,3 +38,16 @@ def test_one_alone_has_nobody_near_and_standing_ones_keep_their_distance():
     assert nearest_of_all(np.empty(0), [np.empty((0, 2))] * 2) == []
     (one, _) = nearest_of_all(np.arange(3.0), [still, still + 3.0])
     assert one.distance == pytest.approx(3.0 * np.sqrt(2.0))
+
+
+def test_a_robot_is_near_nobody_while_it_is_not_there():
+    """The second one comes from nowhere to 3 m from the first, and is nearest as it goes again."""
+    times = np.arange(60.0)
+    one, other = np.zeros((60, 2)), np.column_stack((np.linspace(9.0, 3.0, 60), np.ones(60)))
+    other[:20] = other[40:] = np.nan
+    first, second = nearest_of_all(times, [one, other])
+    assert (first.other, second.other) == (1, 0)
+    assert first.distance == second.distance == pytest.approx(np.hypot(*other[39]))
+    assert first.t == 39.0
+    other[:] = np.nan
+    assert [near.other for near in nearest_of_all(times, [one, other])] == [-1, -1]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from protocol.curve import Curve
-from protocol.phases import DONE, FREEZE, FROZEN, GO, MOVING, STOP
+from protocol.phases import DONE, FREEZE, FROZEN, GO, MOVING, OFF_PATH, STOP
 from protocol.timeline import Timeline
 from sim.world.body import SimulatedBody
 from tests.robot_agent.core.phases import (
@@ -100,7 +100,7 @@ def test_a_robot_at_its_goal_drives_a_newer_course_from_its_beginning_on():
     assert math.dist(run.places[-1], place_at(path, line.length)) < 2e-3
 
 
-@pytest.mark.parametrize("back", [0.003, 0.5 * TRACK, 0.95 * TRACK])
+@pytest.mark.parametrize("back", [0.003, 0.5 * TRACK, 0.85 * TRACK])
 def test_a_robot_that_was_pushed_back_a_little_at_its_goal_leaves_it_on_its_next_course(back):
     length = Curve(*LINE).length
     motion = motion_along(length, SPEED, ACCEL)
@@ -114,6 +114,72 @@ def test_a_robot_that_was_pushed_back_a_little_at_its_goal_leaves_it_on_its_next
     assert (run.agent.phase, run.agent.revision) == (MOVING, 1)
     go_on(run, 5.0)
     assert run.agent.phase == DONE
+
+
+@pytest.mark.parametrize("heading", [0.0, math.pi / 2, math.pi])
+def test_a_robot_too_far_off_its_goal_to_turn_there_does_not_set_out_as_it_looks(heading):
+    length = Curve(*LINE).length
+    motion = motion_along(length, SPEED, ACCEL)
+    run = driven_run(LINE, motion, Timeline(*motion).finish + 1.0, body=body())
+    beside = (1.0 + length, 2.0 + 0.95 * TRACK)
+    run.body.place(*beside, heading)
+    go_on(run, 0.5)
+    assert run.agent.phase == DONE
+    give_line(run, round(plan_time(run) + 0.5, 3), 1.0 + length, 0.0)
+    go_on(run, 1.0)
+    assert (run.agent.phase, run.agent.fault, run.agent.revision) == (FROZEN, OFF_PATH, 1)
+    assert run.places[-1] == beside
+
+
+@pytest.mark.parametrize("before", [0.01, 0.05, 0.1])
+def test_a_robot_that_stopped_at_its_goal_before_its_plan_ended_leaves_it(before):
+    length = Curve(*LINE).length
+    motion = motion_along(length, SPEED, ACCEL)
+    finish = Timeline(*motion).finish
+    run = driven_run(LINE, motion, finish - before, body=body())
+    run.agent.hear_driver_error(run.own(run.now))
+    go_on(run, 1.0)
+    assert run.agent.phase == DONE
+    assert run.agent.ride.time < finish
+    give_line(run, round(plan_time(run) + 0.5, 3), 1.0 + length, 0.0)
+    go_on(run, 1.0)
+    assert (run.agent.phase, run.agent.revision) == (MOVING, 1)
+
+
+def stopped_with_a_course(granted: bool):
+    """A robot that has stopped at 1.5 s, and begun a course from there, granted it or not."""
+    run = on_line()
+    run.agent.hear_driver_error(run.own(run.now))
+    go_on(run, 1.0)
+    assert run.agent.phase == FROZEN
+    x, _ = run.places[-1]
+    begin = round(plan_time(run) + 0.2, 3)
+    run.authority = run.next_authority = 1_000_000 if granted else round(1000 * begin)
+    give_line(run, begin, x, 0.0, revision=1)
+    go_on(run, 1.0)
+    assert (run.agent.phase, run.agent.revision) == (MOVING, 1)
+    return run, x
+
+
+def test_a_robot_that_was_granted_nothing_on_its_course_takes_another_one_from_where_it_stands():
+    """The coordinator took that course back before the robot heard of it, and sent another."""
+    run, x = stopped_with_a_course(granted=False)
+    assert run.places[-1][0] == x
+    give_line(run, round(plan_time(run) + 0.2, 3), x, 0.0, length=0.5, revision=2)
+    go_on(run, 0.5)
+    assert run.agent.revision == 2
+    run.authority = run.next_authority = 1_000_000
+    go_on(run, 5.0)
+    assert run.agent.phase == DONE
+    assert run.places[-1][0] == pytest.approx(x + 0.5, abs=TRACK)
+
+
+def test_a_robot_that_was_granted_its_course_takes_none_from_where_that_began():
+    run, x = stopped_with_a_course(granted=True)
+    give_line(run, round(plan_time(run) + 0.2, 3), x, 0.0, length=0.5, revision=2)
+    go_on(run, 5.0)
+    assert (run.agent.phase, run.agent.revision) == (DONE, 1)
+    assert run.places[-1][0] == pytest.approx(x + 1.0, abs=TRACK)
 
 
 def test_a_course_heard_on_the_way_is_driven_when_the_goal_is_reached():

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from coordinator.cli.log_commands import commands as exports
 from coordinator.findings.info import courses_of, summarise
 from coordinator.findings.plans_from_messages import in_force
-from coordinator.log.log_file import read_log
+from coordinator.log.log_file import read_log, readable_logs_before
 from coordinator.plan.plan_file import from_json, to_json
 from coordinator.planning.planner import plan_scenario
 from protocol import keys
@@ -20,6 +20,7 @@ from protocol.phases import GO
 from sim.cli.run_commands import commands
 from sim.judging.blackbox import blackbox_text
 from sim.judging.judge import NO_BOX, judge
+from sim.world.fault_text import Fault
 from sim.world.memory_transport import MemoryNetwork
 from sim.world.run_logs import RunLogs
 from sim.world.virtual_fleet import World
@@ -205,3 +206,42 @@ def test_nobody_is_near_a_robot_that_has_left(copy):
     told = summarise(log, courses_of(log, [copy / "blackbox"]))["robots"]
     assert told["R9"]["nearest"]["distance"] > 0.5
     assert told["R9"]["nearest"]["t"] < LEFT_S + 0.3
+
+
+def test_info_of_a_resumed_log_agrees_with_the_judge(tmp_path):
+    """R9 joins and drives, the coordinator is started again, R9 drives on and leaves."""
+    robots = [a_robot("R1", (1.0, 3.0), (1.0, 3.0)), a_robot("R2", (6.0, 1.0), (6.0, 1.0))]
+    scenario = a_scenario(robots, (12.0, 6.0))
+    document, logs = plan_scenario(scenario, effort=0), RunLogs(tmp_path)
+    world = World(scenario, document, MemoryNetwork(1), period_ns=PERIOD_NS, logs=logs, stays=True)
+    session = world._network.session("operator")
+
+    def say(key, message, seconds):
+        session.put(key(world.fleet.name), encode(message))
+        world.run(seconds)
+
+    world.run(2.0)
+    say(keys.order, Order(9, "first", (1.0, 5.0), robot="R1"), 1.0)
+    world.add("R9", 0.25, 0.8, 77)
+    say(keys.roster, Join(9, "R9", (10.0, 3.0, 1.0), 0.25, 0.8), 3.0)
+    say(keys.order, Order(9, "over", (3.0, 3.0), robot="R9"), 20.0)
+    world.strike(Fault("coordinator-restart", "", 0.0, 1.0))
+    world.run(4.0)
+    say(keys.order, Order(9, "on", (10.0, 5.0), robot="R9"), 20.0)
+    say(keys.roster, Leave(9, "R9"), 3.0)
+    logs.close()
+    boxes = tmp_path / "blackbox"
+    boxes.mkdir()
+    for name, robot in world.robots.items():
+        (boxes / f"{name}.csv").write_bytes(blackbox_text(robot.written_rows()))
+    assert len(logs.paths) == 2
+    log, verdict = read_log(logs.paths[-1]), judge(logs.paths[-1])
+    before = readable_logs_before(log)
+    told = summarise(log, courses_of(log, [boxes], before), before)
+    for one in verdict.robots:
+        robot = told["robots"][one.id]
+        apart = [p.separation for p in verdict.pairs if one.id in (p.a, p.b)]
+        assert robot["nearest"]["distance"] == pytest.approx(min(apart), abs=1e-3)
+        assert robot["tracking_error"] == pytest.approx(one.tracking_error, abs=2e-3)
+        assert robot["true_arrival"] == pytest.approx(one.t, abs=1e-3)
+        assert abs(robot["late"]) < 0.5

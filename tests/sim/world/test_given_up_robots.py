@@ -12,10 +12,13 @@ from coordinator.schedule.authority import EVER
 from coordinator.service.replay import check_log
 from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, Block, Join, Leave, Unblock
 from protocol.messages import Order as Said
+from protocol.phases import DONE
 from protocol.timing import SECOND
 from sim.judging.judge import least_separation
 from sim.world.fault_text import Fault
+from sim.world.memory_transport import MemoryNetwork
 from sim.world.run_logs import RunLogs
+from sim.world.virtual_fleet import NO_FLAWS
 from tests.scenarios import a_scenario, box
 from tests.sim.world.test_orders_in_time import (
     a_world,
@@ -88,7 +91,7 @@ def test_a_robot_that_began_a_withdrawn_course_in_motion_still_holds_those_behin
 
 def test_the_log_shows_if_a_withdrawn_course_counted_as_passed(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        Grants, "_take_place", lambda grants, _, old: grants._rule.reach(old.slot, EVER)
+        Grants, "_take_place", lambda grants, _, old, _own: grants._rule.reach(old.slot, EVER)
     )
     world, logs = redirected_and_cut_off(tmp_path)
     assert not nobody_touches(world)
@@ -126,8 +129,8 @@ def test_a_robot_that_began_a_withdrawn_course_at_a_goal_is_granted_nothing(tmp_
 def test_the_log_shows_if_such_a_robot_is_granted_the_headroom(tmp_path, monkeypatch):
     take_place = Grants._take_place
 
-    def at_goal(grants, begun, old):
-        take_place(grants, begun, old)
+    def at_goal(grants, begun, old, own):
+        take_place(grants, begun, old, own)
         grants._done[begun.slot] = True
 
     monkeypatch.setattr(Grants, "_take_place", at_goal)
@@ -470,3 +473,81 @@ def test_others_keep_off_a_robot_that_was_pushed_on_along_its_course_and_admitte
     back = (back_ns - world.began_ns) / SECOND
     boxes = [box.between(back, math.inf, 0.0) for box in world.blackboxes().values()]
     assert least_separation(*boxes)[0] > 0.4
+
+
+class Stalled(MemoryNetwork):
+    """A network in which nothing reaches R1 before a time; then all comes at once."""
+
+    until_ns = 0
+
+    def _launch(self, due, sender, receiver, key, payload):
+        due = max(due, self.until_ns) if receiver.name == "R1" else due
+        super()._launch(due, sender, receiver, key, payload)
+
+
+@pytest.mark.parametrize("stall", [5.0, 5.3, 5.6])
+def test_a_robot_that_begins_a_course_that_was_replaced_meanwhile_takes_the_newer_one(
+    tmp_path, stall
+):
+    """R1 stops.  Its next course comes so late that it was withdrawn, and another one sent."""
+    orders = (Order(id="far", goal=(12.0, 1.0), robot="R1", release=1.0),)
+    robots = [idle("R1", (1.0, 1.0)), idle("R2", (4.0, 6.0))]
+    network = Stalled(1)
+    world, logs = a_fleet(tmp_path, robots, orders, network=network, planning_ns=60_000_000)
+    world.run(5.0)
+    world.strike(Fault("driver-error", "R1", 0.0, 0.0))
+    while "R1" not in world.fleet.grants.given_up:
+        world.step()
+    network.until_ns = world.now_ns + round(stall * SECOND)
+    world.run(20.0)
+    operator(world)(Said(9, "next", (12.0, 3.0), robot="R1"))
+    world.run(30.0)
+    logs.close()
+    assert states(world)["next"] == ORDER_DONE
+    assert_sound(world, logs)
+
+
+def test_a_replaced_course_that_was_begun_counts_as_where_its_robot_stands(tmp_path):
+    """R1 has begun the course that was replaced, stops on it, and is sent on from there."""
+    orders = (Order(id="far", goal=(12.0, 1.0), robot="R1", release=1.0),)
+    robots = [idle("R1", (1.0, 1.0)), idle("R2", (4.0, 6.0))]
+    network = Stalled(1)
+    world, logs = a_fleet(tmp_path, robots, orders, network=network, planning_ns=60_000_000)
+    world.run(5.0)
+    world.strike(Fault("driver-error", "R1", 0.0, 0.0))
+    while "R1" not in world.fleet.grants.given_up:
+        world.step()
+    agent = world.robots["R1"].service.agent
+    network.until_ns = world.now_ns + round(5.3 * SECOND)
+    while agent.revision == 1:
+        world.step()
+    world.strike(Fault("driver-error", "R1", 0.0, 0.0))
+    world.run(20.0)
+    operator(world)(Said(9, "next", (12.0, 3.0), robot="R1"))
+    world.run(30.0)
+    logs.close()
+    assert states(world)["next"] == ORDER_DONE
+    assert_sound(world, logs)
+
+
+@pytest.mark.parametrize("beside", [(0.95, 0.0), (0.0, 0.95)])
+def test_a_robot_that_was_pushed_at_its_goal_touches_nobody_when_it_leaves(tmp_path, beside):
+    """It is quick, starts and stops at once, and has to turn; R2 rests as near as it may."""
+    quick = {"max_speed": 3.0, "max_accel": math.inf, "max_lateral_accel": 0.8}
+    robots = [idle("R1", (1.0, 1.0), **quick), idle("R2", (5.428, 4.0))]
+    orders = (Order(id="there", goal=(5.0, 4.0), robot="R1", via=((3.0, 4.0),), release=1.0),)
+    logs = RunLogs(tmp_path)
+    scenario = a_scenario(robots, size=HALL, orders=orders, margin=0.02)
+    world = a_world(scenario, logs=logs, planning_ns=60_000_000, stays=True, flaws=NO_FLAWS)
+    world.run(12.0)
+    robot = world.robots["R1"]
+    assert robot.service.agent.phase == DONE
+    x, y, heading = robot.body.true_pose()
+    track = robot.service.agent.ride.track
+    robot.body.place(x + beside[0] * track, y + beside[1] * track, heading)
+    world.run(1.0)
+    operator(world)(Said(9, "on", (1.0, 4.0), robot="R1"))
+    world.run(20.0)
+    logs.close()
+    assert states(world)["on"] == ORDER_DONE
+    assert_sound(world, logs)

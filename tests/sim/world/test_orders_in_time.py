@@ -53,16 +53,16 @@ def idle(name, start, **fields):
     return replace(a_robot(name, start, start), **fields)
 
 
-def a_world(scenario, *, faults=(), seed=1, **options):
+def a_world(scenario, *, faults=(), seed=1, network=None, flaws=USUAL_FLAWS, **options):
     document = plan_scenario(scenario, effort=0)
     names = [robot.id for robot in scenario.robots]
     return World(
         scenario,
         document,
-        MemoryNetwork(seed),
+        network or MemoryNetwork(seed),
         seed=seed,
         faults=read_faults(list(faults), names),
-        flaws=USUAL_FLAWS,
+        flaws=flaws,
         period_ns=PERIOD_NS,
         **options,
     )
@@ -226,6 +226,20 @@ def test_orders_are_redirected_cancelled_refused_and_the_fleet_stops_goes_on_and
     assert tasks["urgent"].arrived_ms < tasks["first"].arrived_ms
     assert world.fleet.phase == OVER
     assert freezes(world) == 0
+    assert nobody_touches(world)
+
+
+def test_an_urgent_order_that_comes_between_go_and_time_zero_is_done_at_once():
+    robots = [a_robot("R1", (1.0, 1.0), (9.0, 1.0)), a_robot("R2", (1.0, 5.0), (9.0, 5.0))]
+    world = a_world(a_scenario(robots, size=(10.0, 6.0)), stays=True)
+    while not world.fleet.has_gone:
+        world.step()
+    assert world.fleet.since_go_ms(world.now_ns) < 0
+    operator(world)(Said(9, "now", (5.0, 3.0), robot="R1", now=True))
+    world.run(3.0)
+    assert states(world)["now"] == UNDER_WAY
+    world.run(20.0)
+    assert states(world)["now"] == ORDER_DONE
     assert nobody_touches(world)
 
 
