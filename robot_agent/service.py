@@ -37,7 +37,15 @@ from robot_agent.driver import Driver, DriverError
 from robot_agent.inbox import Inbox
 from robot_agent.loop import PERIOD_NS, FixedRateLoop
 from robot_agent.steady_clock import SteadyClock
-from robot_agent.words import DEAF, HEARS_AGAIN, PATIENCE_NS, Lasting, phase_in_words, waits_for
+from robot_agent.words import (
+    ANEW,
+    DEAF,
+    HEARS_AGAIN,
+    PATIENCE_NS,
+    Lasting,
+    phase_in_words,
+    waits_for,
+)
 
 _NOWHERE = (0.0, 0.0, 0.0)
 _AT_REST = (DONE, FROZEN)
@@ -190,6 +198,9 @@ class RobotService:
         self._hellos = 0
         self._phase, self._arrived = HOLD, False
         self._is_asked = self._is_deaf = False
+        self._run, self._other_run_ns = 0, -(2**62)
+        """The run of the fleet that the robot has a part in, and when it heard another one."""
+
         self.robot = robot
         self._transport = transport
         self._driver = driver
@@ -236,12 +247,15 @@ class RobotService:
         """Return in words what keeps the robot from being armed; empty when nothing does.
 
         Of a robot that was under way when its coordinator fell silent: that it hears nobody, and
-        then that it hears its coordinator again.
+        then that it hears its coordinator again.  Of one that has a part in a run: that it hears a
+        coordinator of another one in place of its own.
         """
         silent_ns = now_ns - self.heard_ns
         heard = silent_ns < _SILENCE_NS
         if self.agent.phase != IDLE:
             self._arrived = self.agent.phase == DONE
+            if not heard and now_ns - self._other_run_ns < _SILENCE_NS:
+                return ANEW
             if not heard and (self._is_deaf or self.agent.phase in (MOVING, BRAKING)):
                 self._is_deaf |= silent_ns >= _SILENCE_NS + PATIENCE_NS
                 return DEAF
@@ -305,8 +319,10 @@ class RobotService:
             NOTHING if coming is None else coming,
         )
         if not counts:
+            if command.run != self._run:
+                self._other_run_ns = now_ns
             return
-        self.heard_ns, self._phase = now_ns, command.phase
+        self.heard_ns, self._phase, self._run = now_ns, command.phase, command.run
         self._is_asked = self.robot.id in command.wanted
         if self._blackbox is not None:
             self._blackbox.join(command.boot)

@@ -25,6 +25,10 @@ SOMEWHERE = "--connect ..."
 
 PATIENCE_NS = SECOND
 DEAF = "hears no coordinator, stops where its authority ends"
+ANEW = (
+    "hears a coordinator that began anew, and waits for one that goes on from the log (--resume); "
+    "to take part in the new run, start this program again"
+)
 HEARS_AGAIN = "hears its coordinator again"
 
 

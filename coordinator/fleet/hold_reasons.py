@@ -11,6 +11,7 @@ from typing import Final
 
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.member import Member
+from coordinator.schedule.authority import EVER
 from protocol.phases import COMMAND_NAMES, FREEZE, HOLD, IDLE, PHASE_NAMES, fault_name
 from protocol.timing import SECOND
 
@@ -74,6 +75,9 @@ def _state(fleet: Fleet, robot: str, now_ns: int) -> str:
         return "waits to be admitted"
     if member.lost:
         return "is not heard"
+    ends = fleet.grants.ends
+    if ends.limit_of(robot) < EVER and ends.is_at_end(robot):
+        return "stands before a closed place"
     return "has stopped" if member.has_stopped(fleet.epoch) else "is late"
 
 

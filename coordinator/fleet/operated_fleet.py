@@ -163,7 +163,7 @@ class OperatedFleet(FleetState):
                     is_new=True,
                 )
                 x, y = robot.start[:2]
-                what = f"{join.robot} joins at ({x:g}, {y:g}){_by(join)}"
+                what = f"{join.robot} is to join at ({x:g}, {y:g}){_by(join)}"
                 self._tell(now_ns, "order", join.robot, what)
         elif task.state == REFUSED and self._has_part(join.robot, now_ns):
             task.state, task.reason = ORDER_DONE, ""  # It was given up, and was heard after all.

@@ -56,6 +56,7 @@ from protocol.transport import Transport
 LOG_SIZE: Final = 64.0
 """The usual size [MB] of the files of a log that is a folder."""
 
+NO_LOG: Final = "--resume without --log: nothing is recorded, so no coordinator can go on from here"
 UNTIL: Final = (
     "orders are taken until the mission is ended: press end mission on the page, or "
     f"`splinefleet end {SOMEWHERE}`"
@@ -116,6 +117,8 @@ class Coordinator:
             log = resume
         if log is not None:
             _check_place(log, resume)
+        elif resume is not None:
+            self._say("warning", text=NO_LOG)
         if keys is not None:
             robots = [robot.id for robot in self.scenario.robots]
             self._gate = Gate(keys, self.scenario.name, robots)

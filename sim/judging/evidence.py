@@ -157,7 +157,7 @@ def _driven_later(log: Log, told: _Told, boxes: Mapping[str, BlackBox]) -> list[
         if (np.array(box.phases)[box.t > end + STOPPED] == PHASE_NAMES[MOVING]).any()
     ]
     names = ", ".join(sorted(later))
-    what = "drove on later: judge the log that resumes this one"
+    what = "drove on later: if another log resumes this one, judge that"
     return [f"the log ends at {end:.1f} s, and {names} {what}"] if later else []
 
 

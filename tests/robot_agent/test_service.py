@@ -30,6 +30,7 @@ from protocol.plan_bytes import pack_floats, pack_points, pack_profile, pack_sto
 from robot_agent.blackbox import HEADER, BlackBox
 from robot_agent.driver import DriverError
 from robot_agent.service import RefusedError, Robot, run_robot
+from robot_agent.words import ANEW
 from sim.judging.blackbox import read_blackbox
 from sim.world.body import SimulatedBody
 from sim.world.memory_transport import MemoryNetwork
@@ -99,6 +100,7 @@ class Hall:
         self.headroom_ms = 2_000
         self.held = ()
         self.range = (0, MOST_NUMBER)
+        self.run_id = 1
         for kind in (keys.hello, keys.report, keys.clock):
             self.link.subscribe(kind(FLEET, ME), self.hear)
 
@@ -117,7 +119,7 @@ class Hall:
         self.sequence += 1
         said_ns = self.clock() + 10**12
         who = (COORDINATOR, TERM, self.sequence, 1, self.phase, self.start_ns, said_ns)
-        command = Command(*who, self.headroom_ms, self.held, *self.range)
+        command = Command(*who, self.headroom_ms, self.held, *self.range, run=self.run_id)
         self.link.put(keys.command(FLEET), encode(command))
 
     def hear(self, key: str, payload: bytes, _sent_ns: int | None) -> None:
@@ -392,6 +394,17 @@ def test_a_robot_at_its_goal_waits_for_its_coordinator_as_long_as_one_under_way(
     hall.reactions[DONE] = fall_silent
     assert hall.run(tell=told.append, give_up_ns=30 * SECOND) == 1
     assert told[-1] == f"{ME}: gave up, heard no coordinator for 30 s"
+
+
+def test_a_robot_at_its_goal_that_hears_the_coordinator_of_another_run_says_what_to_do():
+    hall, told = Hall(), []
+
+    def begin_anew() -> None:
+        hall.run_id, hall.phase = 2, HOLD
+
+    hall.reactions[DONE] = begin_anew
+    assert hall.run(tell=told.append, give_up_ns=30 * SECOND) == 1
+    assert told.count(f"{ME}: {ANEW}") == 1
 
 
 def test_an_interrupted_robot_stops_its_motors_closes_and_says_130(tmp_path):

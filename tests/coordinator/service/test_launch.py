@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from coordinator.base.errors import InputError
 from coordinator.desk.alarms import Alarms
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.mission.mission import Mission
@@ -93,6 +94,13 @@ def test_a_later_plan_that_cannot_be_written_ends_no_fleet(told, tmp_path):
         f"{tmp_path}/gone/plan-2.json: No such file or directory",
         "epoch 2: 2 robots go on",
     ]
+
+
+def test_going_on_from_a_log_without_another_one_is_warned_of(told, tmp_path):
+    coordinator = Coordinator(HALL, effort=0, speed=1.0, events=False)
+    with pytest.raises(InputError):
+        coordinator.run(MeetingPlace("tcp/127.0.0.1:1"), None, None, 1.0, tmp_path / "none.mcap")
+    assert told == [launch.NO_LOG]
 
 
 def test_an_earlier_log_of_the_same_name_is_kept(told, tmp_path):

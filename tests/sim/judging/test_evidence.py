@@ -90,7 +90,7 @@ def test_that_robots_drove_on_after_a_logs_end_is_told(tmp_path, plans):
     write_boxes(tmp_path)
     rows = "".join(f"{t},1.0,{1.0 + 0.1 * t},0,{0.1 * t},moving\n" for t in range(8))
     (tmp_path / "R2.csv").write_text(HEADER + rows)
-    drove = "and R2 drove on later: judge the log that resumes this one"
+    drove = "and R2 drove on later: if another log resumes this one, judge that"
     assert gather(log).remarks == [f"the log ends at -2.0 s, {drove}"]
 
 

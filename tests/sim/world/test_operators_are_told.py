@@ -7,6 +7,7 @@ import shapely
 
 from coordinator.findings.log_proof import prove_log
 from coordinator.fleet.admit_outcome import Asking
+from coordinator.fleet.hold_reasons import missing_in_words
 from coordinator.log.log_file import read_log
 from coordinator.mission.aside_news import AsideNews
 from coordinator.scenario.model import Order
@@ -30,7 +31,7 @@ from protocol.messages import Order as Said
 from protocol.phases import IDLE, OFF_PATH
 from sim.world.fault_text import Fault
 from sim.world.run_logs import RunLogs
-from tests.scenarios import a_scenario, box
+from tests.scenarios import a_robot, a_scenario, box
 from tests.sim.world.test_odd_operators import reasons
 from tests.sim.world.test_orders_in_time import (
     a_world,
@@ -321,3 +322,19 @@ def test_a_place_that_is_closed_off_the_floor_is_noted():
     assert [text for text in told if "off the floor" in text] == [
         "far lies off the floor: nobody drives there anyway"
     ]
+
+
+def test_who_is_held_by_one_that_stands_before_a_closed_place_is_told_so():
+    """R1 crosses the hall ahead of R2, which goes up; a place before that is closed."""
+    robots = [
+        a_robot("R1", (1.0, 3.0), (13.0, 3.0), max_speed=0.5),
+        a_robot("R2", (9.0, 1.0), (9.0, 5.0), max_speed=0.08),
+    ]
+    world = a_world(a_scenario(robots, size=(14.0, 6.0)))
+    world.run(8.0)
+    operator(world)(Block(9, "wet", box(7.5, 0.0, 7.8, 6.0)))
+    said = set()
+    for _ in range(40):
+        world.run(1.0)
+        said.add(missing_in_words(world.fleet, world.now_ns))
+    assert "R2: held by R1, which stands before a closed place" in said
