@@ -213,9 +213,8 @@ class GrantedCourses(Granted):
     def _that_stand_near(self, course: Course) -> list[str]:
         """Return sentences on robots that a course comes too near.
 
-        They are those that others went around when it was found.  Where one has said that it rests
-        may seem to be before what it has passed: it counts as that far ahead as its tolerance lets
-        it.  So it is enough to keep clear of either.
+        They are those that others went around when it was found.  It is enough to keep clear of
+        either of the places where one stands by its progress and by its word.
         """
         mine, found = course.driven, []
         revision, around = self._found.get(mine.id, (-1, frozenset()))
@@ -231,14 +230,20 @@ class GrantedCourses(Granted):
         return found
 
     def _standing(self, robot: str) -> list[shapely.Geometry]:
-        """Return where a robot stands that others go around, by its progress and by its word."""
+        """Return where a robot stands that others go around, by its progress and by its word.
+
+        Its progress may be as far ahead of where it rests as its tolerance lets it; where that is
+        farther off, it was pushed, and only its word counts.
+        """
         ride, rest = self._ways[robot][0].driven, self._rests.get(robot)
         since, until = self.stretch_of(robot)
-        found = [shapely.linestrings(stretch(ride, since / 1000.0, until / 1000.0))]
-        if rest is not None and rest.revision == ride.plan.revision:
-            place = resting_pose(ride, standing_of(robot, rest), self._terms.margin)[:2]
-            found.append(shapely.linestrings([place, place]))
-        return found
+        passed = shapely.linestrings(stretch(ride, since / 1000.0, until / 1000.0))
+        if rest is None or rest.revision != ride.plan.revision:
+            return [passed]
+        place = resting_pose(ride, standing_of(robot, rest), self._terms.margin)[:2]
+        stands = shapely.linestrings([place, place])
+        is_near = shapely.distance(passed, stands) <= ride.plan.track_mm / 1000.0
+        return [passed, stands] if is_near else [stands]
 
     @property
     def document(self) -> PlanDocument:

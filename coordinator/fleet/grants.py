@@ -426,7 +426,8 @@ class Grants:
         if own >= 0:
             granted_ms, told_ms = int(rule.granted[own]), int(rule.told[own])
             self._numbers[own] = -1
-        rule.granted[slot], rule.told[slot] = granted_ms, min(int(rule.told[slot]), told_ms)
+        rule.granted[slot] = min(int(rule.granted[slot]), granted_ms)
+        rule.told[slot] = min(int(rule.told[slot]), told_ms)
         rule.barred[slot], self._done[slot] = True, False
         self._reserved.discard(begun.number)
         self._numbers[slot], begun.slot = begun.number, slot

@@ -6,7 +6,7 @@ Decides: where the vertices go.  Must not know: curves; smoothing.py rounds the 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -21,17 +21,29 @@ _SHARPEST: Final = math.radians(100.0)
 _LEGS: Final = (0.01, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Lengths [m] tried for the leg between the two turns, or for how far to swing out."""
 
+_NARROW: Final = 0.002
+"""Length [m] of that leg that is tried first at places where there is hardly room for it."""
+
 _SLOPE: Final = 3.0
 """A way swings out over this many times as far along."""
 
 
 def blunt(
-    polygon: Array, exact: Flags, space: Space, headed: tuple[bool, bool], radius: float
+    polygon: Array,
+    exact: Flags,
+    space: Space,
+    headed: tuple[bool, bool],
+    radius: float,
+    narrow: Collection[tuple[float, float]] = (),
+    *,
+    swings: bool = True,
 ) -> tuple[Array, Flags]:
     """Replace turns too sharp to round by turns of `radius` [m], if there is room.
 
     polygon (n, 2) [m], exact (n,).  `headed`: whether the first and the last leg keep their
-    directions.  Raises PlanError if there is no room to turn.
+    directions.  `narrow`: vertices at which the two turns are as near to each other as they can be.
+    `swings`: whether a robot may set out, or arrive, beside the polygon in place of turning.
+    Raises PlanError if there is no room to turn.
     """
     legs = np.diff(polygon, axis=0)
     along = np.einsum("ij,ij->i", legs[:-1], legs[1:])
@@ -46,12 +58,14 @@ def blunt(
             flags.append(bool(exact[i]))
             continue
         held = (i == 1 and headed[0]) or (i == last and headed[1])
-        ends = (i == 1, i == last) if not held else (False, False)
+        ends = (i == 1, i == last) if swings and not held else (False, False)
+        widths = (_NARROW, *_LEGS) if (float(here[0]), float(here[1])) in narrow else _LEGS
         if i == last and headed[1]:
             turn = _Turn(after, here, before, bool(exact[i]), ends)
-            extra = _rounded(turn, space, radius)[::-1]
+            extra = _rounded(turn, space, radius, widths)[::-1]
         else:
-            extra = _rounded(_Turn(before, here, after, bool(exact[i]), ends), space, radius)
+            turn = _Turn(before, here, after, bool(exact[i]), ends)
+            extra = _rounded(turn, space, radius, widths)
         vertices.extend(extra)
         flags.extend([bool(exact[i]) and vertex is here for vertex in extra])
     return np.array([*vertices, polygon[-1]]), np.array([*flags, exact[-1]])
@@ -70,14 +84,14 @@ class _Turn(NamedTuple):
     ends: tuple[bool, bool]
 
 
-def _rounded(turn: _Turn, space: Space, radius: float) -> list[Array]:
+def _rounded(turn: _Turn, space: Space, radius: float, widths: Sequence[float]) -> list[Array]:
     """Return the vertices for one sharp turn; an exact vertex is among them.
 
     The shortest leg that gives a turn of `radius` [m] is taken, else the one that turns widest.
     """
     here, best, best_radius = turn.here, list[Array](), 0.0
     into, onward = _unit(here - turn.before), _unit(turn.after - here)
-    for width in _LEGS:
+    for width in widths:
         for trial in (*_trials(into, onward, here, width, turn.exact), *_swung(turn, width)):
             way = np.stack((turn.before, *trial[:1], *trial[1:][-1:], turn.after))
             turned = _least_radius(way)

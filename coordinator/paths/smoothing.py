@@ -11,6 +11,7 @@ robots' times.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import replace
 from typing import Final
@@ -67,14 +68,21 @@ def smooth(
     return found
 
 
-def smooth_near(polygon: Array, exact: Flags, space: Space, cut: float) -> Fit:
+def smooth_near(
+    polygon: Array,
+    exact: Flags,
+    space: Space,
+    cut: float,
+    narrow: Collection[tuple[float, float]] = (),
+) -> Fit:
     """Return the cubic curve along a polygon (n, 2) [m] that cuts its corners by at most `cut` [m].
 
-    exact (n,): vertices that the curve passes exactly.  Raises PlanError if a turn has no room.
+    exact (n,): vertices that the curve passes exactly; narrow: vertices beside which others may be,
+    so that sharp turns there lead hardly beyond them.  Raises PlanError if a turn has no room.
     """
     straight = False, False
     polygon, exact = _without_straight(polygon, exact, straight)
-    blunted, passed = blunt(polygon, exact, space, straight, 0.0)
+    blunted, passed = blunt(polygon, exact, space, straight, 0.0, narrow, swings=False)
     if blunted is not polygon:
         polygon, exact = _without_straight(blunted, passed, straight)
     legs = np.diff(polygon, axis=0)

@@ -462,7 +462,9 @@ def rerouted(
     for other in range(count):
         if other != robot:
             occupant[team.start[other]] = other
-    came = np.full((len(others) + 1, places), -1)
+    came = [(0, 0, -1)]  # Each: after how many moves of others, by which edge, what came before.
+    came.clear()
+    last = np.full(places, -1)  # By place: the last of these that leads there.
     cost = np.full(places, math.inf)
     cost[team.start[robot]] = 0.0
     heap = [(0.0, 0)]
@@ -479,7 +481,8 @@ def rerouted(
                 continue
             if in_the_way(robot, e, edges, team, occupant) >= 0:
                 continue
-            cost[to], came[k, to] = further, e
+            came.append((k, e, last[to]))
+            cost[to], last[to] = further, len(came) - 1
             for f in range(edges.first[to], edges.first[to + 1]):
                 if further + edges.cost[f] < cost[edges.to[f]] - 1e-9:
                     heapq.heappush(heap, (further + edges.cost[f], f))
@@ -508,14 +511,14 @@ def rerouted(
         return moves
     taken = [(0, 0)]
     taken.pop()
-    k, here = len(others), team.goal[robot]
-    while k > 0 or came[k, here] >= 0:
-        e = came[k, here]
-        if e >= 0:
-            taken.append((k, e))
-            here = edges.origin[e]
-        else:
-            k -= 1
+    before, one = len(others), last[team.goal[robot]]
+    while one >= 0:
+        k, e, earlier = came[one]
+        if k > before:
+            one = earlier
+            continue
+        taken.append((k, e))
+        before, one = k, last[edges.origin[e]]
     joined = np.empty((len(others) + len(taken), 2), np.int64)
     size = 0
     for k in range(len(others) + 1):

@@ -11,13 +11,14 @@ searched, the proof.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import shapely
+from scipy.spatial.distance import cdist
 
 from coordinator.base.errors import PlanError
 from coordinator.curves.nurbs import Array, Nurbs
@@ -46,7 +47,7 @@ _CLEARLY: Final = 0.6
 """If moves that start at times have less than this share of the sum of arrivals, moves in turn are
 not driven for comparison: fewer of their places are passed, which saves less than that."""
 
-_LONG: Final = 0.8 * MESSAGE_ROOM
+_LONG: Final = 0.7 * MESSAGE_ROOM
 """Of a robot whose path takes more bytes places between are left out: rests need room, too."""
 
 _AFTER: Final = 0.001
@@ -128,8 +129,20 @@ def find_legs(scenario: Scenario, finder: Pathfinder, tau: float) -> Iterator[li
 
 def _legs(scenario: Scenario, finder: Pathfinder, moves: Moves) -> list[Legs]:
     """Return paths along moves; raises PlanError if a robot has no room to drive its moves."""
-    in_turn = enumerate(zip(scenario.robots, _in_turn(moves), strict=True))
-    return [_along(robot, finder, index, legs) for index, (robot, legs) in in_turn]
+    in_turn, tight = enumerate(zip(scenario.robots, _in_turn(moves), strict=True)), _tight(scenario)
+    return [_along(robot, finder, index, legs, tight) for index, (robot, legs) in in_turn]
+
+
+def _tight(scenario: Scenario) -> set[tuple[float, float]]:
+    """Return the starts and goals that are hardly farther apart than robots at them have to be.
+
+    Elsewhere edges have ROOM to spare.
+    """
+    ends = np.array([place[:2] for one in scenario.robots for place in (one.start, one.goal)])
+    radii = np.repeat([one.radius for one in scenario.robots], 2)
+    apart, need = cdist(ends, ends), radii[:, None] + radii + scenario.margin + ROOM
+    near = (apart > 0.0) & (apart < need)
+    return {(float(x), float(y)) for x, y in ends[near.any(axis=1)]}
 
 
 def _driven(graph: Graph, found: Indices) -> Moves:
@@ -212,7 +225,13 @@ def _clear_at(line: shapely.Geometry, other: shapely.Geometry, need: float) -> f
     return float(at[near][-1] + 2.0 * _STEP) if near.any() else 0.0
 
 
-def _along(robot: Robot, finder: Pathfinder, index: int, legs: list[Leg]) -> Legs:
+def _along(
+    robot: Robot,
+    finder: Pathfinder,
+    index: int,
+    legs: list[Leg],
+    tight: Collection[tuple[float, float]],
+) -> Legs:
     """Return the path along a robot's legs; a robot without legs keeps its place."""
     if not legs:
         return Legs(finder.path(index), [], [], [])
@@ -221,7 +240,7 @@ def _along(robot: Robot, finder: Pathfinder, index: int, legs: list[Leg]) -> Leg
     last = np.cumsum([len(leg.way) - 1 for leg in legs])
     exact = np.zeros(len(vertices), dtype=np.bool_)
     exact[[0, -1, *(int(last[rest - 1]) for rest in rests)]] = True
-    found = smooth_near(vertices, exact, finder.space(robot), _CUT)
+    found = smooth_near(vertices, exact, finder.space(robot), _CUT, tight)
     at_rest = found.curve.arc_at(found.at[found.exact])
     along = lengths_along(vertices)
     ends = np.interp(along[last], along[exact], at_rest)

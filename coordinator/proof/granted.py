@@ -273,7 +273,7 @@ class Granted:
         self._courses = {n: one for n, one in self._courses.items() if one is not old}
         if coming.is_withdrawn:
             slot, own = old.slot, coming.slot
-            self._granted[slot] = self._granted[own]
+            self._granted[slot] = min(self._granted[slot], self._granted[own])
             self._ended[slot], self._at_goal[slot] = self._ended.pop(own), False
             coming.slot, coming.other_slot = slot, own
             return

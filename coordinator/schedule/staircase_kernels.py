@@ -26,6 +26,10 @@ _EVER: Final = 2**31 - 1
 """The need [ms] where the robot ahead rests in the conflict for ever."""
 
 _MS: Final = 1000.0
+_ALL: Final = (-math.inf, math.inf)
+_BESIDE: Final = 1e-6
+"""The path [m] right before and after a place of rest."""
+
 
 AT, NEED = range(2)
 """Columns of steps and of knots: plan time of the robot behind, and of the one ahead [ms]."""
@@ -128,14 +132,37 @@ def _is_through(
 
 
 @allocation_free
+def _goes_first(
+    legs: Legs, robots: tuple[int, int], begin: float, rows: Array, cell: float,
+    span: tuple[float, float],
+) -> bool:  # fmt: skip
+    """Return whether the robot ahead surely goes first on a span [m] of its path.
+
+    For the other arguments see _add_steps.
+    """
+    behind, ahead = robots
+    enter, go = legs.first[behind], legs.first[ahead]
+    for k in range(len(rows)):
+        low, high = max(rows[k, LOW], span[0]), min(rows[k, HIGH], span[1])
+        if low <= high:
+            comes = max(begin, rows[k, CELL_NUMBER] * cell)
+            enters, enter = _first_time_at(legs, behind, comes, enter)
+            last, go = _last_time_at(legs, ahead, high, go)
+            if last < enters:
+                return True
+    return False
+
+
+@allocation_free
 def _add_steps(
     legs: Legs, robots: tuple[int, int], begin: float, rows: Array, cell: float, steps: Indices,
-    count: int,
+    count: int, span: tuple[float, float],
 ) -> int:  # fmt: skip
     """Append the steps of a zone's rows unless the robot behind surely goes first.
 
     Returns how many steps there are.  robots: behind, ahead.  `begin` [m]: where the zone begins on
-    the path of the robot behind, which may wait right before it for long.
+    the path of the robot behind, which may wait right before it for long.  Only a span [m] of the
+    path of the robot ahead counts.
     """
     behind, ahead = robots
     is_behind, is_before, before = False, False, count
@@ -143,12 +170,15 @@ def _add_steps(
     come = go = legs.first[ahead]
     for k in range(len(rows)):
         number = rows[k, CELL_NUMBER]
+        low, high = max(rows[k, LOW], span[0]), min(rows[k, HIGH], span[1])
+        if low > high:
+            continue
         enters, enter = _first_time_at(legs, behind, max(begin, number * cell), enter)
-        last, go = _last_time_at(legs, ahead, rows[k, HIGH], go)
+        last, go = _last_time_at(legs, ahead, high, go)
         is_behind |= last < enters
         if not is_behind and not is_before:
             leaves, leave = _last_time_at(legs, behind, (number + 1.0) * cell, leave)
-            comes, come = _first_time_at(legs, ahead, rows[k, LOW], come)
+            comes, come = _first_time_at(legs, ahead, low, come)
             is_before = leaves < comes
         if math.isinf(enters):
             continue
@@ -156,6 +186,43 @@ def _add_steps(
         steps[count, NEED] = _EVER if math.isinf(last) else math.ceil(_MS * last) + 1
         count += 1
     return before if is_before and not is_behind else count
+
+
+@allocation_free
+def _ends_at_rest(legs: Legs, robot: int, leg: int) -> bool:
+    """Return whether a robot rests where one of its legs ends."""
+    return bool(leg + 1 == legs.first[robot + 1] or legs.t0[leg + 1] > legs.t1[leg])
+
+
+@allocation_free
+def _rests_within(legs: Legs, robot: int, low: float, high: float) -> bool:
+    """Return whether a robot rests, on its way or at its goal, between two arc lengths [m]."""
+    for leg in range(legs.first[robot], legs.first[robot + 1]):
+        if low <= legs.s1[leg] <= high and _ends_at_rest(legs, robot, leg):
+            return True
+    return False
+
+
+@compiled
+def _add_between_rests(
+    legs: Legs, robots: tuple[int, int], begin: float, rows: Array, bare: Array, cell: float,
+    steps: Indices, count: int,
+) -> tuple[Indices, int]:  # fmt: skip
+    """Append the steps of those parts of a zone where the robot ahead surely goes first.
+
+    The parts are between its places of rest.  Returns the steps, in memory that may be new, and how
+    many there are.  `bare`: rows like `rows`, but with what robots need for their reach.
+    """
+    low, ahead = -math.inf, robots[1]
+    for leg in range(legs.first[ahead], legs.first[ahead + 1]):
+        if not _ends_at_rest(legs, ahead, leg):
+            continue
+        span = (low, legs.s1[leg] - _BESIDE)
+        if _goes_first(legs, robots, begin, bare, cell, span):
+            steps = widened(steps, count + len(rows))
+            count = _add_steps(legs, robots, begin, rows, cell, steps, count, span)
+        low = legs.s1[leg] + _BESIDE
+    return steps, count
 
 
 @compiled
@@ -203,13 +270,17 @@ def _simplify(corners: Indices, tolerance: int, knots: Indices) -> int:
 @compiled
 def staircases(
     legs: Legs, first: Indices, lines: Polyline, zones: Pairing, chords: ZoneChords, fine: float,
-    tolerance: int,
+    tolerance: int, spare: float,
 ) -> Steps:  # fmt: skip
     """Return the staircases of all pairs of robots with zones.
 
     The vertices of all robots' paths are in `lines`, those of robot r from first[r] to
     first[r + 1].  `fine` [m] is the length of a cell, `tolerance` [ms] by how much a staircase may
     lie above its steps.
+
+    `spare` [m]: how much of the reach is more than robots need.  Who goes first is the same all
+    over a zone, but not where that is spare: a robot may go first, rest there while the other one
+    passes, and go second.  Then the parts of a zone before and after that rest count apart.
     """
     ahead, behind = np.empty((256, 1), np.int64), np.empty((256, 1), np.int64)
     begins, knots = np.zeros((257, 1), np.int64), np.empty((4096, 2), np.int64)
@@ -236,7 +307,16 @@ def staircases(
                     rows = np.empty((-2 * size, 3))
                     size = zone_rows(my_line, its, here, side, zones.reach[k], fine, rows, spans)
                 steps = widened(steps, count + size)
-                count = _add_steps(legs, (me, other), begin, rows[:size], fine, steps, count)
+                robots, before = (me, other), count
+                count = _add_steps(legs, robots, begin, rows[:size], fine, steps, count, _ALL)
+                low, high = zones.extent[k, 2 - 2 * side], zones.extent[k, 3 - 2 * side]
+                if count > before or not _rests_within(legs, other, low + fine, high):
+                    continue
+                bare, need = np.empty((size, 3)), zones.reach[k] - spare
+                bare = bare[: zone_rows(my_line, its, here, side, need, fine, bare, spans)]
+                steps, count = _add_between_rests(
+                    legs, robots, begin, rows[:size], bare, fine, steps, count
+                )
             if count == 0:
                 continue
             corners = _climb(steps[:count])

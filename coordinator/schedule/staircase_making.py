@@ -143,7 +143,9 @@ def _steps(
     legs: Legs, first: Indices, lines: Polyline, zones: Pairing, chords: ZoneChords, scale: int
 ) -> Steps:
     """Return the staircases of some zones; an executor's process can call this function."""
-    found = staircases(legs, first, lines, zones, chords, scale * _CELL, scale * _TOLERANCE)
+    found = staircases(
+        legs, first, lines, zones, chords, scale * _CELL, scale * _TOLERANCE, STANDOFF
+    )
     return found._replace(knots=found.knots.astype(np.int32))
 
 

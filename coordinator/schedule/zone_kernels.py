@@ -153,7 +153,8 @@ def zone_rows(
     plus the errors of both paths.  A row tells that while the arc length of `me` lies in cell k,
     from k to k + 1 times `cell` [m], the arc lengths of the other robot in conflict are those from
     LOW to HIGH, exactly.  When `rows` has too little room, none is written and minus the number of
-    rows is returned.  `spans` (m, 2) is memory for the extent of each pair.
+    rows is returned; there is none if the pairs keep the reach.  `spans` (m, 2) is memory for the
+    extent of each pair.
     """
     (s, p), q = me, other.points
     reach = reach + SLACK
@@ -163,6 +164,8 @@ def zone_rows(
         low, high = extent_of(s, p, i, q, j, reach)
         spans[pair, 0], spans[pair, 1] = low, high
         least, greatest = min(least, low), max(greatest, high)
+    if least > greatest:
+        return 0
     base = math.floor(least / cell)
     count = int(math.floor(greatest / cell) - base) + 1
     if count > len(rows):

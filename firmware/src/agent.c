@@ -92,11 +92,12 @@ static void apply(sf_agent *agent, int event) {
     }
 }
 
-/* Brake, and record the fault if none is recorded yet; at the goal the only one is OFF_PATH. */
+/* Brake, and record the fault if none is recorded yet; at the goal the only one is OFF_PATH.  A
+   robot that has heard no Command yet arms again: it does not know whom to obey once it failed. */
 SHARED static void fail(sf_agent *agent, uint8_t fault) {
     bool left = fault == SF_OFF_PATH;
     if (agent->fault == SF_NO_FAULT && (agent->phase != SF_DONE || left)) agent->fault = fault;
-    apply(agent, left ? LEFT_PATH : TROUBLE);
+    apply(agent, !agent->leader.heard ? NOT_READY : left ? LEFT_PATH : TROUBLE);
 }
 
 /* Arm again with the time, unless the robot does without it. */
@@ -197,7 +198,7 @@ bool sf_takes_plan(sf_agent *agent, sf_plan *plan) {
    the coordinator may have taken that back before the robot heard of it. */
 static bool stands_where(const sf_agent *agent, sf_course *coming) {
     const sf_course *ride = agent->ride;
-    bool stands = agent->phase == SF_FROZEN || ride->told_ms <= ride->begin_ms;
+    bool stands = agent->phase == SF_FROZEN || ride->authority <= ride->begin;
     return stands && sf_rests_where(ride, coming);
 }
 

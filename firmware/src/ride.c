@@ -136,7 +136,7 @@ bool sf_leads_into(sf_course *course, sf_course *coming, bool at_goal) {
     sf_real s = planned_s(course, time), there = planned_s(coming, as_of(coming, course, time));
     sf_apart joint = sf_joint(course, at_goal ? line->length : s, coming, there);
     if (joint.off > JOINT_GAP) return false;
-    if (rests && (at_goal || begin >= line->finish || told(course, course) <= begin)) return true;
+    if (rests && (at_goal || begin >= line->finish || course->authority <= begin)) return true;
     if (latest > time) return false;
     if (rests && line->v == R(0)) return true;
     return sf_abs(line->v - coming->timeline.v) <= JOINT_SPEED && sf_abs(joint.turn) <= JOINT_TURN;
@@ -151,7 +151,7 @@ void sf_end_with(sf_course *course, sf_course *coming) {
 bool sf_is_over(sf_course *course, sf_course *coming, sf_real now, bool at_goal) {
     sf_real until = course->until;
     if (now < until) return false;
-    sf_real enough = sf_least(told(course, course), course->time + course->foresight);
+    sf_real enough = sf_least(course->authority, course->time + course->foresight);
     if (!coming->from_rest && (course->may_turn || told(coming, course) < enough)) return false;
     if (at_goal) return !sf_has_left_goal(course);
     if (course->time < until && course->time < course->timeline.finish) return false;
@@ -178,8 +178,12 @@ void sf_follow(sf_course *course, sf_course *before) {
 
 uint8_t sf_turn_before_start(sf_course *course, const sf_pose *pose) {
     course->turn = R(0);
-    if (course->follower.s > course->track) course->may_turn = false;
-    if (course->halted || !course->may_turn) return SF_NO_FAULT;
+    if (!course->may_turn) return SF_NO_FAULT;
+    if (course->follower.s > course->track) {
+        course->may_turn = false; /* One that has not turned to the end does not set out. */
+        return course->turns ? SF_OFF_PATH : SF_NO_FAULT;
+    }
+    if (course->halted) return SF_NO_FAULT;
     uint8_t fault = sf_fault_at_start(course, pose);
     course->may_turn = fault || course->turns;
     return fault;

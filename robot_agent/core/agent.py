@@ -440,12 +440,13 @@ class Agent:
     def _fail(self, fault: int, now_ns: int) -> None:
         """Brake, and record the fault if none is recorded yet.
 
-        At the goal the only fault is OFF_PATH.
+        At the goal the only fault is OFF_PATH.  A robot that has heard no Command yet arms again:
+        it does not know the run whose Commands it would obey once it had failed.
         """
         if self.fault == NO_FAULT and (self.phase != DONE or fault == OFF_PATH):
             self.fault = fault
-        left = fault == OFF_PATH
-        self._apply(transitions.LEFT_PATH if left else transitions.TROUBLE, now_ns)
+        event = transitions.LEFT_PATH if fault == OFF_PATH else transitions.TROUBLE
+        self._apply(event if self._leader.is_known() else transitions.NOT_READY, now_ns)
 
     def _apply(self, event: str, now_ns: int) -> None:
         """Enter the phase that TRANSITIONS names for this event, and do what the phase needs."""

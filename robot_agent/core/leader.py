@@ -27,6 +27,10 @@ class Leader:
         self.phase = HOLD
         self._heard_ns = _NEVER
 
+    def is_known(self) -> bool:
+        """Whether the robot has heard a Command."""
+        return self.term >= 0
+
     def counts(self, term: int, boot: int, sequence: int, before_motion: bool, now_ns: int) -> bool:
         """Return whether a Command is to be obeyed."""
         if term == self.term and boot == self.boot:

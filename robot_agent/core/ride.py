@@ -261,10 +261,13 @@ class Ride:
 
         `may_turn` tells that the robot has not stood ready at the course's beginning yet, nor left
         it.  Measured places are noisy, so it has left only beyond its track tolerance.  One that
-        stands too far off the beginning to turn there does not set out as it looks.
+        stands too far off the beginning to turn there, or seems to have left it before it had
+        turned, does not set out as it looks.
         """
         if self.follower.s > self.track:
             self.may_turn = False
+            if self._turns:
+                return OFF_PATH, 0.0
         if self._halted or not self.may_turn:
             return NO_FAULT, 0.0
         stands, fault, turn = self.stands_at_start(x, y, heading)

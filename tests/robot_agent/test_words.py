@@ -89,7 +89,7 @@ def test_a_robot_at_its_goal_when_a_new_epoch_begins_says_that_it_has_arrived():
 
     def hold():
         hall.sequence += 10
-        command = Command(COORDINATOR, TERM, hall.sequence, 2, HOLD, 0, 0)
+        command = Command(COORDINATOR, TERM, hall.sequence, 2, HOLD, 0, 0, run=hall.run_id)
         hall.link.put(keys.command(FLEET), encode(command))
 
     hall.reactions[DONE] = go_on

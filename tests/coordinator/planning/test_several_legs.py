@@ -10,7 +10,7 @@ from coordinator.plan.plan_file import to_json
 from coordinator.planning import planner, several_legs
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import Robot, Scenario, Workspace
-from sim.floors.generator import generate
+from sim.floors.generator import RADIUS, generate
 from tests.oracles import complaints
 
 TEE = Workspace(
@@ -98,3 +98,19 @@ def test_a_plan_in_which_robots_wait_is_kept_where_making_room_takes_longer(monk
     monkeypatch.setattr(several_legs, "can_make_room", lambda _: False)
     assert to_json(plan_scenario(scenario)) == to_json(compared)
     assert compared.proof.holds
+
+
+@pytest.mark.parametrize(
+    ("robots", "seed"),
+    [
+        (12, 9),  # One rests between two places where another one passes.
+        (12, 16),  # One turns round beside a goal that is as near as it may be.
+        (16, 7),  # One would set out beside the way of its moves.
+    ],
+)
+def test_where_a_fifth_of_the_floor_is_covered_plans_pass_their_proof(robots, seed):
+    side = math.ceil(10.0 * math.sqrt(robots * math.pi * RADIUS**2 / 0.2)) / 10.0
+    scenario = generate("dense", robots, seed, (side, side))
+    document = plan_scenario(scenario)
+    assert document.proof.holds
+    assert complaints(to_json(document), scenario) == []

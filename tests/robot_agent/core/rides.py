@@ -187,8 +187,13 @@ class Run:
         )
 
 
-def armed_run(path, motion, rules=RULES, *, max_speed=0.5, body=None, seed=None, **clock) -> Run:
-    """Return a run whose robot stands armed at the path's start; GO has not been heard."""
+def armed_run(
+    path, motion, rules=RULES, *, max_speed=0.5, body=None, seed=None, hears=True, **clock
+) -> Run:
+    """Return a run whose robot stands armed at the path's start; GO has not been heard.
+
+    `hears`: whether it has heard Commands.  If not, it is armed without the time.
+    """
     body = body or SimulatedBody()
     agent = Agent(max_speed)
     run = Run(
@@ -201,9 +206,10 @@ def armed_run(path, motion, rules=RULES, *, max_speed=0.5, body=None, seed=None,
     curve = Curve(*path)
     curve.place(0.0)
     body.place(curve.x, curve.y, math.atan2(curve.dy, curve.dx))
-    run.command(HOLD)
+    if hears:
+        run.command(HOLD)
     give_plan(agent, path, motion, rules)
-    run.until(SECOND)
+    run.until(SECOND if hears else 4 * SECOND, talking=hears)
     assert agent.phase == ARMED
     return run
 

@@ -16,6 +16,7 @@ from protocol.phases import (
     FROZEN,
     GO,
     HOLD,
+    IDLE,
     MOVING,
     NO_FAULT,
     OFF_PATH,
@@ -320,6 +321,18 @@ def test_a_driver_error_is_kept_as_the_fault_of_the_robot():
     run.agent.hear_driver_error(run.own(run.now))
     run.until(run.now + 2 * SECOND)
     assert (run.agent.phase, run.agent.fault) == (FROZEN, DRIVER_ERROR)
+
+
+def test_a_robot_whose_driver_fails_before_it_has_heard_a_command_arms_again_and_goes():
+    """It holds its Plan, but does not know whose Commands it would obey once it had failed."""
+    run = armed_run(PATH, MOTION, hears=False)
+    run.agent.hear_driver_error(run.own(run.now))
+    assert run.agent.phase == IDLE
+    run.until(run.now + 100 * MS, talking=False)
+    assert run.agent.phase == ARMED
+    run.command(GO)
+    run.until(run.start_ns + 2 * SECOND)
+    assert (run.agent.phase, run.agent.fault) == (MOVING, NO_FAULT)
 
 
 def test_a_robot_that_is_slower_than_it_was_ordered_does_not_speed_up_to_brake():

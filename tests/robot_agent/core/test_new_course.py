@@ -131,6 +131,22 @@ def test_a_robot_too_far_off_its_goal_to_turn_there_does_not_set_out_as_it_looks
     assert run.places[-1] == beside
 
 
+def test_a_robot_that_seems_to_have_left_its_goal_before_it_had_turned_does_not_set_out():
+    """It looks back, turns towards its next course, and seems to be beyond its tolerance once."""
+    length = Curve(*LINE).length
+    motion = motion_along(length, SPEED, ACCEL)
+    run = driven_run(LINE, motion, Timeline(*motion).finish + 1.0, body=body())
+    x, y, _ = run.body.pose()
+    run.body.place(x, y, math.pi)
+    give_line(run, round(plan_time(run) + 0.3, 3), 1.0 + length, 0.0)
+    for _ in range(100):
+        if run.agent.drive_turn == 0.0:
+            go_on(run, 0.02)
+    own = run.own(run.now) + 10 * MS
+    run.agent.tick(own, x + 1.02 * TRACK, y, run.body.heading)
+    assert (run.agent.fault, run.agent.drive_speed) == (OFF_PATH, 0.0)
+
+
 @pytest.mark.parametrize("before", [0.01, 0.05, 0.1])
 def test_a_robot_that_stopped_at_its_goal_before_its_plan_ended_leaves_it(before):
     length = Curve(*LINE).length

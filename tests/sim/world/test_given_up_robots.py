@@ -7,12 +7,13 @@ import pytest
 from coordinator.findings.log_proof import prove_log
 from coordinator.fleet.grants import Grants
 from coordinator.log.log_file import logs_before, read_log
+from coordinator.mission.obstructions import Aside, Obstructions
 from coordinator.scenario.model import Order
 from coordinator.schedule.authority import EVER
 from coordinator.service.replay import check_log
 from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, Block, Join, Leave, Unblock
 from protocol.messages import Order as Said
-from protocol.phases import DONE
+from protocol.phases import DONE, MOVING
 from protocol.timing import SECOND
 from sim.judging.judge import least_separation
 from sim.world.fault_text import Fault
@@ -551,3 +552,62 @@ def test_a_robot_that_was_pushed_at_its_goal_touches_nobody_when_it_leaves(tmp_p
     logs.close()
     assert states(world)["on"] == ORDER_DONE
     assert_sound(world, logs)
+
+
+@pytest.mark.parametrize(("until", "again"), [(5.3, 60), (5.5, 1500)])
+def test_a_robot_that_begins_a_withdrawn_course_was_granted_nothing_more_on_the_one_before(
+    tmp_path, until, again
+):
+    """R1 stops short of a crossing that R2, which stalls, has to pass first."""
+    slow = {"max_speed": 0.4, "max_accel": 0.8, "max_lateral_accel": 0.4}
+    robots = [idle("R1", (1.0, 1.5)), idle("R2", (3.3, 4.5), **slow), idle("R3", (12.0, 7.0))]
+    orders = (Order(id="down", goal=(3.3, 0.4), robot="R2"),)
+    network = Stalled(1)
+    options = {"network": network, "planning_ns": again * 1_000_000}
+    world, logs = a_fleet(tmp_path, robots, orders, **options)
+    while world.robots["R2"].body.y > 2.6:
+        world.step()
+    operator(world)(Said(9, "far", (12.0, 1.5), robot="R1"))
+    agent = world.robots["R1"].service.agent
+    while agent.phase != MOVING or agent.revision == 0:
+        world.step()
+    world.strike(Fault("stall", "R2", 0.0, 60.0))
+    world.run(2.8 if again > 60 else 2.2)
+    world.strike(Fault("driver-error", "R1", 0.0, 0.0))
+    while "R1" not in world.fleet.grants.given_up:
+        world.step()
+    network.until_ns = world.now_ns + round(until * SECOND)
+    world.run(80.0)
+    logs.close()
+    assert any(one.text == "R1 is moving" for one in world.fleet.incidents)
+    assert_sound(world, logs)
+
+
+@pytest.mark.parametrize("is_broken", [False, True])
+def test_the_log_shows_if_a_robot_that_was_pushed_off_its_goal_counts_as_there(
+    tmp_path, monkeypatch, is_broken
+):
+    """R1 is pushed 0.8 m aside, says where it rests, and dies; R2 is to go there."""
+
+    def as_if_at_its_goal(obstructions, robot):
+        course = world.fleet.grants.of(robot).now.course
+        places = obstructions._places(robot, course.driven)
+        return Aside(obstructions._robots[robot], "lost", places, None)
+
+    if is_broken:
+        monkeypatch.setattr(Obstructions, "aside", as_if_at_its_goal)
+    orders = (Order(id="there", goal=(4.0, 1.0), robot="R1", release=0.5),)
+    robots = [idle("R1", (1.0, 1.0)), idle("R2", (8.0, 4.0))]
+    world, logs = a_fleet(tmp_path, robots, orders, flaws=NO_FLAWS, planning_ns=60_000_000)
+    world.run(10.0)
+    x, y, heading = world.robots["R1"].body.true_pose()
+    world.robots["R1"].body.place(x, y + 0.8, heading)
+    while "R1" not in world.fleet.grants.given_up:
+        world.step()
+    world.strike(Fault("kill", "R1", 0.0, 0.0))
+    world.run(8.0)
+    operator(world)(Said(9, "over", (4.0, 1.8), robot="R2"))
+    world.run(30.0)
+    logs.close()
+    assert nobody_touches(world) is not is_broken
+    assert prove_log(read_log(logs.paths[-1])).holds is not is_broken
