@@ -13,11 +13,10 @@ from coordinator.schedule.authority import EVER
 from coordinator.service.replay import check_log
 from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, Block, Join, Leave, Unblock
 from protocol.messages import Order as Said
-from protocol.phases import DONE, MOVING
+from protocol.phases import DONE
 from protocol.timing import SECOND
 from sim.judging.judge import least_separation
 from sim.world.fault_text import Fault
-from sim.world.memory_transport import MemoryNetwork
 from sim.world.run_logs import RunLogs
 from sim.world.virtual_fleet import NO_FLAWS
 from tests.scenarios import a_scenario, box
@@ -476,61 +475,6 @@ def test_others_keep_off_a_robot_that_was_pushed_on_along_its_course_and_admitte
     assert least_separation(*boxes)[0] > 0.4
 
 
-class Stalled(MemoryNetwork):
-    """A network in which nothing reaches R1 before a time; then all comes at once."""
-
-    until_ns = 0
-
-    def _launch(self, due, sender, receiver, key, payload):
-        due = max(due, self.until_ns) if receiver.name == "R1" else due
-        super()._launch(due, sender, receiver, key, payload)
-
-
-@pytest.mark.parametrize("stall", [5.0, 5.3, 5.6])
-def test_a_robot_that_begins_a_course_that_was_replaced_meanwhile_takes_the_newer_one(
-    tmp_path, stall
-):
-    """R1 stops.  Its next course comes so late that it was withdrawn, and another one sent."""
-    orders = (Order(id="far", goal=(12.0, 1.0), robot="R1", release=1.0),)
-    robots = [idle("R1", (1.0, 1.0)), idle("R2", (4.0, 6.0))]
-    network = Stalled(1)
-    world, logs = a_fleet(tmp_path, robots, orders, network=network, planning_ns=60_000_000)
-    world.run(5.0)
-    world.strike(Fault("driver-error", "R1", 0.0, 0.0))
-    while "R1" not in world.fleet.grants.given_up:
-        world.step()
-    network.until_ns = world.now_ns + round(stall * SECOND)
-    world.run(20.0)
-    operator(world)(Said(9, "next", (12.0, 3.0), robot="R1"))
-    world.run(30.0)
-    logs.close()
-    assert states(world)["next"] == ORDER_DONE
-    assert_sound(world, logs)
-
-
-def test_a_replaced_course_that_was_begun_counts_as_where_its_robot_stands(tmp_path):
-    """R1 has begun the course that was replaced, stops on it, and is sent on from there."""
-    orders = (Order(id="far", goal=(12.0, 1.0), robot="R1", release=1.0),)
-    robots = [idle("R1", (1.0, 1.0)), idle("R2", (4.0, 6.0))]
-    network = Stalled(1)
-    world, logs = a_fleet(tmp_path, robots, orders, network=network, planning_ns=60_000_000)
-    world.run(5.0)
-    world.strike(Fault("driver-error", "R1", 0.0, 0.0))
-    while "R1" not in world.fleet.grants.given_up:
-        world.step()
-    agent = world.robots["R1"].service.agent
-    network.until_ns = world.now_ns + round(5.3 * SECOND)
-    while agent.revision == 1:
-        world.step()
-    world.strike(Fault("driver-error", "R1", 0.0, 0.0))
-    world.run(20.0)
-    operator(world)(Said(9, "next", (12.0, 3.0), robot="R1"))
-    world.run(30.0)
-    logs.close()
-    assert states(world)["next"] == ORDER_DONE
-    assert_sound(world, logs)
-
-
 @pytest.mark.parametrize("beside", [(0.95, 0.0), (0.0, 0.95)])
 def test_a_robot_that_was_pushed_at_its_goal_touches_nobody_when_it_leaves(tmp_path, beside):
     """It is quick, starts and stops at once, and has to turn; R2 rests as near as it may."""
@@ -551,35 +495,6 @@ def test_a_robot_that_was_pushed_at_its_goal_touches_nobody_when_it_leaves(tmp_p
     world.run(20.0)
     logs.close()
     assert states(world)["on"] == ORDER_DONE
-    assert_sound(world, logs)
-
-
-@pytest.mark.parametrize(("until", "again"), [(5.3, 60), (5.5, 1500)])
-def test_a_robot_that_begins_a_withdrawn_course_was_granted_nothing_more_on_the_one_before(
-    tmp_path, until, again
-):
-    """R1 stops short of a crossing that R2, which stalls, has to pass first."""
-    slow = {"max_speed": 0.4, "max_accel": 0.8, "max_lateral_accel": 0.4}
-    robots = [idle("R1", (1.0, 1.5)), idle("R2", (3.3, 4.5), **slow), idle("R3", (12.0, 7.0))]
-    orders = (Order(id="down", goal=(3.3, 0.4), robot="R2"),)
-    network = Stalled(1)
-    options = {"network": network, "planning_ns": again * 1_000_000}
-    world, logs = a_fleet(tmp_path, robots, orders, **options)
-    while world.robots["R2"].body.y > 2.6:
-        world.step()
-    operator(world)(Said(9, "far", (12.0, 1.5), robot="R1"))
-    agent = world.robots["R1"].service.agent
-    while agent.phase != MOVING or agent.revision == 0:
-        world.step()
-    world.strike(Fault("stall", "R2", 0.0, 60.0))
-    world.run(2.8 if again > 60 else 2.2)
-    world.strike(Fault("driver-error", "R1", 0.0, 0.0))
-    while "R1" not in world.fleet.grants.given_up:
-        world.step()
-    network.until_ns = world.now_ns + round(until * SECOND)
-    world.run(80.0)
-    logs.close()
-    assert any(one.text == "R1 is moving" for one in world.fleet.incidents)
     assert_sound(world, logs)
 
 
