@@ -319,7 +319,8 @@ class Fleet(OperatedFleet):
             return []
         member.gone = True
         member.admission.leave()
-        under_way = self.phase != HOLD or self.epoch != self.first_epoch
+        is_before = self.phase == HOLD and self.epoch == self.first_epoch
+        under_way = self.phase != OVER and not is_before
         if under_way and member.planned and not member.finished and not member.lost:
             self._lose(member, now_ns)
             if self.phase == HOLD:
@@ -388,6 +389,9 @@ class Fleet(OperatedFleet):
         if are_cut and self._router.may_be_silent(since_ns, now_ns):
             return
         if not failing:
+            names, patience = ", ".join(m.id for m in moving), SILENT_PATIENCE // SECOND
+            text = f"nobody has got on for {patience} s: the fleet ends, {names} did not arrive"
+            self._tell(now_ns, "stays", "", text)
             self._turn("all done", now_ns)
             return
         are_silent = all(member.lost and not member.gone for member in failing)

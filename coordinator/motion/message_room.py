@@ -15,6 +15,9 @@ _ELSE: Final = 400
 ROOM: Final = MAX_MESSAGE_BYTES - _ELSE
 """Bytes available for the path and its speeds."""
 
+MOST_SPEEDS: Final = 200
+"""How many of the 256 distinct speeds of a message a path may take; rests take some, too."""
+
 _PER_POINT: Final = 12
 """Bytes of one control point (x and y) together with one knot."""
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from coordinator.curves.interpolation_kernels import between
 from coordinator.curves.nurbs import Array, Nurbs
-from coordinator.motion.message_room import ROOM, path_bytes, speed_bytes
+from coordinator.motion.message_room import MOST_SPEEDS, ROOM, path_bytes, speed_bytes
 from coordinator.motion.profile_simplification_kernels import merged, reachable
 from coordinator.motion.speed_cap import cap_on
 
@@ -136,7 +136,8 @@ def _few(curve: Nurbs, s: Array, w: Array) -> tuple[Array, Array]:
     room = ROOM - path_bytes(len(curve.points))
     for loss in _LOSSES:
         fewer = merged(s, w, loss)
-        if speed_bytes(len(fewer[0]), len(np.unique(fewer[1]))) <= room:
+        speeds = len(np.unique(fewer[1]))
+        if speeds <= MOST_SPEEDS and speed_bytes(len(fewer[0]), speeds) <= room:
             break
     return fewer
 

@@ -257,6 +257,7 @@ def test_a_fleet_ends_when_nobody_has_got_on_for_long_and_no_order_is_open(is_he
     assert SILENT_PATIENCE - SECOND <= floor.now - began <= SILENT_PATIENCE + 5 * SECOND
     assert (floor.commands[-1].phase, floor.commands[-1].epoch) == (OVER, 1)
     assert not floor.fleet.members.has_arrived
+    assert any("the fleet ends, R2 did not arrive" in text for text in told_of(floor, "stays"))
 
 
 def test_stop_stops_everybody_and_the_plan_goes_on_where_it_was():
@@ -343,6 +344,18 @@ def test_when_all_have_arrived_the_end_is_said_several_times():
         floor.tick()
     assert floor.fleet.is_finished
     assert [c.phase for c in floor.commands[-FAREWELLS - 1 :]] == [OVER] * (FAREWELLS + 1)
+
+
+def test_a_robot_that_leaves_once_it_has_heard_the_end_is_not_lost():
+    floor = Floor().go()
+    for robot in ("R1", "R3"):
+        floor.report(robot, DONE)
+    floor.report("R2", FROZEN, fault=OFF_PATH)
+    while floor.fleet.phase != OVER:
+        floor.report("R2", FROZEN, fault=OFF_PATH)
+        floor.tick()
+    floor.fleet.hear(keys.alive("hall", "R2"), LINK_GONE, floor.now)
+    assert not floor.fleet.members["R2"].lost
 
 
 def test_a_frozen_fleet_is_settled_when_the_living_have_said_where_they_rest():

@@ -96,3 +96,15 @@ def a_winding_curve(count):
     points = np.column_stack((np.arange(count), np.cumsum(dice.uniform(-1.0, 1.0, count))))
     knots = np.concatenate(([0.0] * 3, np.arange(count - 2), [count - 3.0] * 3))
     return nurbs(3, knots, points)
+
+
+def test_a_way_with_more_different_bends_than_a_message_has_speeds_is_told_with_fewer(monkeypatch):
+    """There is room for the bytes of all speeds, but not for as many different ones."""
+    monkeypatch.setattr(motion, "MOST_SPEEDS", 20)
+    curve = Pathfinder(serpentine(3)).path(0)
+    s = np.linspace(0.0, curve.length, 200)
+    w = 0.2 + 0.1 * np.sin(np.arange(200.0)) ** 2
+    assert len(np.unique(w)) > 100
+    fewer = motion._few(curve, s, w)[1]
+    assert len(np.unique(fewer)) <= 20
+    assert fewer.max() <= w.max()
