@@ -81,6 +81,8 @@ def _forcing(closed: Array, owners: Indices, span: Array, enough: float) -> int:
     [m]: where the robot enters and leaves each zone; a zone that forbids `enough` [s] explains the
     wait.
     """
+    if len(owners) == 0:
+        return -1
     shares = np.bincount(owners, closed[:, 1] - closed[:, 0], len(span))
     forcing = np.flatnonzero(shares >= enough)
     if len(forcing):

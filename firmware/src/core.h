@@ -107,7 +107,7 @@ void sf_locate(sf_course *course, const sf_pose *pose);
 void sf_find(sf_course *course);
 sf_real sf_away_from(sf_course *course, sf_real s);
 void sf_offset(const sf_follower *follower, sf_rest *rest);
-void sf_steer(sf_course *course); /* the curvature, for the speed */
+void sf_steer(sf_course *course); /* the curvature for the speed, which tight bends lower */
 
 /* ride.c */
 int sf_ride_begin(const sf_plan *plan, sf_course *course, const sf_robot *robot);

@@ -86,7 +86,7 @@ int sf_ride_begin(const sf_plan *plan, sf_course *course, const sf_robot *robot)
     sf_real length = course->curve.length;
     if (!(length > R(0)) || !(length < R(1e6))) return FAILED;
     if (sf_abs(line->length - length) > ARRIVAL_SLACK) return FAILED;
-    course->follower.tangent_s = SF_INF;
+    course->follower.tangent_s = course->follower.clear = SF_INF;
     course->follower.tx = R(1);
     course->clock_ms = (uint16_t)plan->clock_ms;
     course->stamp_ms = SF_NO_STAMP;

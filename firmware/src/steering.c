@@ -5,16 +5,19 @@
 #include "core.h"
 
 #define TICKS_TO_SETTLE R(5)
-#define LOOK_AHEAD_TICKS R(1.5)
-#define LEAST_LOOK_AHEAD R(0.002)
-#define SHARPEST R(250)
+#define LEAST_LOOK_AHEAD R(5e-4)
+#define SHARPEST R(1000)
+#define TIGHT R(25)
+#define MOST_TURN R(0.3)
+#define TIGHT_WAY R(0.04)
+#define ASKEW R(0.1)
 #define LONGEST_STEP R(0.05)
 #define CLOSE_ENOUGH R(2e-4)
 #define STILL R(1e-9)
 #define BESIDE R(2e-3)
 #define SEARCH_WAY R(0.3)
 #define SEARCH_STEP R(0.02)
-#define SEARCH_END R(1e-5)
+#define SEARCH_END R(1e-4)
 
 /* The angle from one direction to another. */
 SHARED static sf_real angle(sf_real ax, sf_real ay, sf_real bx, sf_real by) {
@@ -91,6 +94,36 @@ SHARED static void look(sf_course *course) {
     take(course);
 }
 
+/* Take s for the place if the path's pose there is nearer to the robot's than that found before; a
+   heading error counts as far as the arm leads it. */
+SHARED static bool go_nearer(sf_course *course, sf_real s) {
+    sf_follower *follower = &course->follower;
+    s = sf_on_curve(&course->curve, s);
+    see(course, s, follower->pose.at);
+    sf_real led = follower->arm * turned_from_tangent(course, follower->pose.heading);
+    sf_real apart = follower->seen_off * follower->seen_off + led * led;
+    if (!(apart < follower->nearest)) return false;
+    follower->nearest = apart;
+    follower->s = s;
+    return true;
+}
+
+/* Begin a search where the robot was. */
+SHARED static void look_near(sf_course *course, sf_real arm) {
+    course->follower.arm = arm;
+    course->follower.nearest = SF_INF;
+    go_nearer(course, course->follower.s);
+}
+
+/* Go to the nearest place up to a step away along the path. */
+SHARED static void search(sf_course *course, sf_real step) {
+    while (step > SEARCH_END) {
+        step *= R(0.5);
+        if (!go_nearer(course, course->follower.s - step)) go_nearer(course, course->follower.s + step);
+    }
+    look(course);
+}
+
 void sf_locate(sf_course *course, const sf_pose *pose) {
     sf_follower *follower = &course->follower;
     sf_real x = pose->at[SF_X], y = pose->at[SF_Y], heading = pose->heading, began = follower->s, before;
@@ -104,14 +137,19 @@ void sf_locate(sf_course *course, const sf_pose *pose) {
         return;
     }
     follower->pose = *pose;
-    int tries = 4;
-    do {
-        before = follower->s;
-        see(course, before, pose->at);
-        sf_real step = sf_clamp(follower->seen_along, -LONGEST_STEP, LONGEST_STEP);
-        follower->s = sf_on_curve(&course->curve, before + step);
-    } while (--tries > 0 && !(sf_abs(follower->s - before) < CLOSE_ENOUGH));
-    take(course);
+    if (follower->clear < TIGHT_WAY || sf_abs(follower->heading_error) > ASKEW) {
+        look_near(course, LED_OFF);
+        search(course, TIGHT_WAY);
+    } else {
+        int tries = 4;
+        do {
+            before = follower->s;
+            see(course, before, pose->at);
+            sf_real step = sf_clamp(follower->seen_along, -LONGEST_STEP, LONGEST_STEP);
+            follower->s = sf_on_curve(&course->curve, before + step);
+        } while (--tries > 0 && !(sf_abs(follower->s - before) < CLOSE_ENOUGH));
+        take(course);
+    }
     follower->still = sf_abs(follower->s - began) < STILL;
 }
 
@@ -121,32 +159,16 @@ sf_real sf_away_from(sf_course *course, sf_real s) {
     return away;
 }
 
-/* Take s for the place if the robot is nearer to it than to the place found before. */
-SHARED static bool nearer(sf_course *course, sf_real s) {
-    sf_follower *follower = &course->follower;
-    s = sf_on_curve(&course->curve, s);
-    sf_real off = see(course, s, follower->pose.at);
-    if (!(off < follower->off)) return false;
-    follower->off = off;
-    follower->s = s;
-    return true;
-}
-
 void sf_find(sf_course *course) {
     sf_follower *follower = &course->follower;
-    sf_real s = follower->s, step = SEARCH_STEP;
+    sf_real place = sf_on_curve(&course->curve, follower->s - SEARCH_WAY), end = follower->s + SEARCH_WAY;
     if (!follower->located) return;
     look(course);
     sf_real off = follower->off, lateral = follower->lateral;
     if (off * off <= lateral * lateral + BESIDE * BESIDE) return;
-    sf_real place = sf_on_curve(&course->curve, s - SEARCH_WAY);
-    sf_real end = sf_on_curve(&course->curve, s + SEARCH_WAY);
-    for (; place <= end; place += step) nearer(course, place);
-    while (step > SEARCH_END) {
-        step *= R(0.5);
-        if (!nearer(course, follower->s - step)) nearer(course, follower->s + step);
-    }
-    look(course);
+    look_near(course, R(0));
+    for (; place <= end; place += SEARCH_STEP) go_nearer(course, place);
+    search(course, SEARCH_STEP);
 }
 
 /* The offset in a report; all zeros for a robot that is far away. */
@@ -161,18 +183,26 @@ void sf_offset(const sf_follower *follower, sf_rest *rest) {
 void sf_steer(sf_course *course) {
     sf_follower *follower = &course->follower;
     bool still = follower->still;
-    sf_real bend = R(0), tx = follower->tx, ty = follower->ty;
+    sf_real bend = R(0), tx = follower->tx, ty = follower->ty, reach = SF_INF;
     sf_real travel = course->speed * course->period; /* until the next tick */
-    sf_real ahead = sf_most(LOOK_AHEAD_TICKS * travel, LEAST_LOOK_AHEAD);
+    sf_real ahead = sf_most(travel, LEAST_LOOK_AHEAD);
+    if (ahead > follower->clear) ahead = reach = follower->clear;
     ahead = sf_least(ahead, course->curve.length - follower->s);
     if (ahead > CLOSE_ENOUGH) {
-        tangent_at(course, follower->s + ahead);
-        bend = angle(tx, ty, follower->tx, follower->ty) / ahead;
+        for (;;) {
+            tangent_at(course, follower->s + ahead);
+            bend = angle(tx, ty, follower->tx, follower->ty);
+            if (!(sf_abs(bend) > MOST_TURN) || !(ahead > LEAST_LOOK_AHEAD)) break;
+            ahead = reach = R(0.5) * ahead;
+        }
+        bend /= ahead;
         if (still) { /* The next `sf_locate` may leave all as it is. */
             follower->tx = tx;
             follower->ty = ty;
             follower->still = true;
             follower->tangent_s = SF_INF;
+        } else {
+            follower->clear = R(2) * (sf_abs(bend) > TIGHT ? ahead : follower->clear);
         }
     }
     if (follower->located) {
@@ -180,6 +210,7 @@ void sf_steer(sf_course *course) {
         bend -= rate * (rate * follower->lateral + R(2) * follower->heading_error);
     }
     course->curvature = sf_clamp(bend, -SHARPEST, SHARPEST);
+    if (travel > reach) course->speed = reach / course->period;
 }
 
 #include "core_end.h"

@@ -397,7 +397,14 @@ class Ride:
         if self._authority < time + self._foresight:
             room = self._within_authority(room)
         self.distance = room if room > 0.0 else 0.0
-        self.curvature = self.follower.curvature(self.speed * period)
+        self._steer()
+
+    def _steer(self) -> None:
+        """Set the curvature to drive; slow down where the path turns much until the next tick."""
+        follower, period = self.follower, self._period
+        self.curvature = follower.curvature(self.speed * period)
+        if self.speed * period > follower.reach:
+            self.speed = follower.reach / period
 
     def _advanced(self, now: float) -> float:
         """Return the plan time [s] by which a robot drives that lags behind now.
@@ -452,7 +459,7 @@ class Ride:
         later = min(later, self._authority)
         room = self._timeline.s_at(later) - self.follower.s
         self.distance = max(min(room, self.speed * HOLD_OUT), 0.0)
-        self.curvature = self.follower.curvature(self.speed * self._period)
+        self._steer()
 
     def rests(self, x: float, y: float) -> bool:
         """Return whether the robot is at rest; to be called every tick while it brakes."""

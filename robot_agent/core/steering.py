@@ -19,10 +19,24 @@ LED_OFF = 0.37 * SETTLING_LENGTH
 """How far [m/rad] off the path a heading error leads before it is corrected: 1 / (e lambda)."""
 
 _TICKS_TO_SETTLE = 5.0
-_LOOK_AHEAD_TICKS = 1.5
-_LEAST_LOOK_AHEAD = 0.002
-_SHARPEST = 250.0
+_LEAST_LOOK_AHEAD = 5e-4
+_SHARPEST = 1000.0
 """No bend is steered sharper [rad/m]; where a path turns back at a place to pass, it may be so."""
+
+_TIGHT = 25.0
+"""In bends sharper than this [rad/m] the heading tells better than the position where on the path a
+robot is: both legs of a hairpin are as near to it."""
+
+_MOST_TURN = 0.3
+"""Until the next tick a robot drives no farther than to where its path has turned by this much
+[rad]."""
+
+_TIGHT_WAY = 0.04
+"""A robot is near a tight bend if it has seen one less than this far ahead [m], and is then looked
+for so far before and behind its last place."""
+
+_ASKEW = 0.1
+"""A robot whose heading is off by more than this [rad] is looked for in the same way."""
 
 _LONGEST_STEP = 0.05
 _CLOSE_ENOUGH = 2e-4
@@ -35,7 +49,7 @@ _BESIDE = 2e-3
 
 _SEARCH_WAY = 0.3
 _SEARCH_STEP = 0.02
-_SEARCH_END = 1e-5
+_SEARCH_END = 1e-4
 
 
 class PathFollower:
@@ -44,7 +58,8 @@ class PathFollower:
     `beyond` [m] is how far past the curve's end it is, or (negative) before its beginning; `off`
     [m] is its distance from the curve's point at s, in any direction.  `heading_error` [rad] is the
     robot's heading minus the path's.  A pose that is not finite leaves s as it was and makes
-    `lateral` and `off` infinite.
+    `lateral` and `off` infinite.  After `curvature`, `reach` [m] is how far it may drive until the
+    next tick.
     """
 
     def __init__(self, curve: Curve) -> None:
@@ -58,6 +73,9 @@ class PathFollower:
         self._ty = 0.0
         self._still_at = inf  # s, if the last `locate` hardly changed it and still holds.
         self._bend_travel, self._bend = -inf, 0.0
+        self.reach = inf
+        self._clear = inf  # How far ahead [m] it may look; it doubles each tick after a tight bend.
+        self._nearest, self._arm = inf, 0.0
 
     def start_pose(self) -> tuple[float, float, float]:
         """Return x, y [m] and heading [rad] at the curve's beginning."""
@@ -80,7 +98,10 @@ class PathFollower:
         return sqrt(dx * dx + dy * dy), -self._turned_from_tangent(heading)
 
     def locate(self, x: float, y: float, heading: float) -> None:
-        """Project a pose on the path near the last s, by Newton steps of one evaluation each."""
+        """Project a pose on the path near the last s, by Newton steps of one evaluation each.
+
+        In tight bends, and for a robot that is askew, the nearest pose is searched instead.
+        """
         s = self.s
         if s == self._still_at and x == self._x and y == self._y and heading == self._heading:
             return
@@ -91,22 +112,27 @@ class PathFollower:
         self._x, self._y, self._heading = x, y, heading
         curve = self._curve
         length, began = curve.length, s
-        for _ in range(4):
-            self._tangent_at(s)
-            along = (x - curve.x) * self._tx + (y - curve.y) * self._ty
-            if along > _LONGEST_STEP:
-                along = _LONGEST_STEP
-            elif along < -_LONGEST_STEP:
-                along = -_LONGEST_STEP
-            before = s
-            s += along
-            if s < 0.0:
-                s = 0.0
-            elif s > length:
-                s = length
-            if abs(s - before) < _CLOSE_ENOUGH:
-                break
-        self._take(s)
+        if self._clear < _TIGHT_WAY or abs(self.heading_error) > _ASKEW:
+            self._look_near(s, LED_OFF)
+            self._search(_TIGHT_WAY)
+            s = self.s
+        else:
+            for _ in range(4):
+                self._tangent_at(s)
+                along = (x - curve.x) * self._tx + (y - curve.y) * self._ty
+                if along > _LONGEST_STEP:
+                    along = _LONGEST_STEP
+                elif along < -_LONGEST_STEP:
+                    along = -_LONGEST_STEP
+                before = s
+                s += along
+                if s < 0.0:
+                    s = 0.0
+                elif s > length:
+                    s = length
+                if abs(s - before) < _CLOSE_ENOUGH:
+                    break
+            self._take(s)
         if abs(s - began) < _STILL:
             self._still_at, self._bend_travel = s, -inf
 
@@ -117,30 +143,49 @@ class PathFollower:
     def find(self) -> None:
         """Search the path around s for the point nearest to the pose of the last `locate`.
 
-        After a robot has left a turn that was too sharp for it, Newton's steps do not get there.
+        After a robot has left its path, Newton's steps may not get there.
         """
         if not self.lateral < inf or not self._x < inf:
             return
-        s, step, nearest = self.s, _SEARCH_STEP, self._apart(self.s)
+        s, apart = self.s, self._apart(self.s)
         self._take(s)
-        if nearest * nearest <= self.lateral * self.lateral + _BESIDE * _BESIDE:
+        if apart * apart <= self.lateral * self.lateral + _BESIDE * _BESIDE:
             return
-        place, end = max(s - _SEARCH_WAY, 0.0), min(s + _SEARCH_WAY, self._curve.length)
+        self._look_near(s, 0.0)
+        place, end = max(s - _SEARCH_WAY, 0.0), s + _SEARCH_WAY
         while place <= end:
-            apart = self._apart(place)
-            if apart < nearest:
-                nearest, s = apart, place
-            place += step
+            self._go_nearer(place)
+            place += _SEARCH_STEP
+        self._search(_SEARCH_STEP)
+
+    def _look_near(self, s: float, arm: float) -> None:
+        """Begin a search at s; a heading error counts `arm` [m/rad] there."""
+        self._arm = arm
+        self._nearest = self._pose_apart(s)
+
+    def _search(self, step: float) -> None:
+        """Go to the nearest place up to `step` [m] away along the path."""
         while step > _SEARCH_END:
             step *= 0.5
-            before, after = max(s - step, 0.0), min(s + step, self._curve.length)
-            here = self._apart(s)
-            if self._apart(before) < here:
-                s = before
-            elif self._apart(after) < here:
-                s = after
-        self._tangent_at(s)
-        self._take(s)
+            if not self._go_nearer(self.s - step):
+                self._go_nearer(self.s + step)
+        self._tangent_at(self.s)
+        self._take(self.s)
+
+    def _go_nearer(self, s: float) -> bool:
+        """Take s for the robot's place if that is nearer; return whether."""
+        s = min(max(s, 0.0), self._curve.length)
+        apart = self._pose_apart(s)
+        if not apart < self._nearest:
+            return False
+        self._nearest, self.s = apart, s
+        return True
+
+    def _pose_apart(self, s: float) -> float:
+        """Return how far the robot is from the path's pose at s, squared [m^2]."""
+        apart = self._apart(s)
+        led_off = self._arm * self._turned_from_tangent(self._heading)
+        return apart * apart + led_off * led_off
 
     def away_from(self, s: float) -> float:
         """Return the distance [m] of the robot from the path's point at another s."""
@@ -156,7 +201,7 @@ class PathFollower:
         return round(1000.0 * self.lateral), turn, round(1000.0 * self.beyond)
 
     def curvature(self, travel: float) -> float:
-        """Return the curvature [rad/m] to drive.
+        """Return the curvature [rad/m] to drive, and set `reach`.
 
         `travel` [m] is the distance until the next tick.  To be called after `locate`: the
         look-ahead begins at the tangent found there.  For a robot that stands, the result for the
@@ -165,26 +210,37 @@ class PathFollower:
         still_at = self._still_at
         if still_at < inf and travel == self._bend_travel:
             return self._bend
-        ahead = _LOOK_AHEAD_TICKS * travel
+        ahead, left = travel, self._curve.length - self.s
         if ahead < _LEAST_LOOK_AHEAD:
             ahead = _LEAST_LOOK_AHEAD
-        left = self._curve.length - self.s
+        self.reach = inf
+        if ahead > self._clear:
+            ahead = self.reach = self._clear
         if ahead > left:
             ahead = left
         bend = 0.0
         if ahead > _CLOSE_ENOUGH:
             tx, ty = self._tx, self._ty
-            self._tangent_at(self.s + ahead)
-            ahead_x, ahead_y = self._tx, self._ty
-            bend = atan2(tx * ahead_y - ty * ahead_x, tx * ahead_x + ty * ahead_y) / ahead
+            turn = self._turn_ahead(tx, ty, ahead)
+            while abs(turn) > _MOST_TURN and ahead > _LEAST_LOOK_AHEAD:
+                ahead = self.reach = 0.5 * ahead
+                turn = self._turn_ahead(tx, ty, ahead)
+            bend = turn / ahead
             if still_at < inf:
                 self._tx, self._ty, self._still_at = tx, ty, still_at
                 self._tangent_s = inf
+            else:
+                self._clear = 2.0 * (ahead if abs(bend) > _TIGHT else self._clear)
         if self.lateral < inf:
             rate = 1.0 / max(SETTLING_LENGTH, _TICKS_TO_SETTLE * travel)
             bend -= rate * (rate * self.lateral + 2.0 * self.heading_error)
         self._bend_travel, self._bend = travel, min(max(bend, -_SHARPEST), _SHARPEST)
         return self._bend
+
+    def _turn_ahead(self, tx: float, ty: float, ahead: float) -> float:
+        """Return by how much the path has turned [rad] from a direction at s + `ahead` [m]."""
+        self._tangent_at(self.s + ahead)
+        return atan2(tx * self._ty - ty * self._tx, tx * self._tx + ty * self._ty)
 
     def _take(self, s: float) -> None:
         """Set the robot's place to s, which must be where the tangent was last evaluated."""

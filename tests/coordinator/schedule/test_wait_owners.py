@@ -7,6 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from coordinator.planning.planner import plan_scenario
+from coordinator.scenario.model import Robot, Scenario, Workspace
 from coordinator.scenario_files.scenario_reader import read_scenario
 from sim.floors.generator import generate
 from tests.oracle_waits import rests, share
@@ -42,3 +43,28 @@ def test_who_is_named_forces_half_of_a_wait_or_nobody_forces_more(kind, robots, 
         if named < 0.4:
             others = {robot.id for robot in document.robots} - {name, other}
             assert named >= max(share(document, name, number, one, lasts) for one in others) - 0.1
+
+
+def test_a_robot_may_rest_that_meets_nobody():
+    """R2 of these makes room for others, whose ways then lead elsewhere."""
+    trips = [
+        ((0.525, 0.228), (0.427, 0.304)),
+        ((0.289, 0.534), (0.156, 0.541)),
+        ((0.596, 0.586), (0.52, 0.594)),
+        ((0.246, 0.255), (0.169, 0.157)),
+    ]
+    robots = tuple(
+        Robot(
+            id=f"R{number}",
+            start=start,
+            goal=goal,
+            radius=0.1,
+            max_speed=3.0,
+            max_accel=6.0,
+            max_lateral_accel=6.0,
+        )
+        for number, (start, goal) in enumerate(trips, 1)
+    )
+    floor = Workspace(boundary=((0.0, 0.0), (0.74, 0.0), (0.74, 0.74), (0.0, 0.74)))
+    scenario = Scenario(name="near each other", workspace=floor, robots=robots, margin=0.03)
+    assert plan_scenario(scenario).proof.holds
