@@ -11,6 +11,7 @@
 #define MOST_TURN R(0.3)
 #define TIGHT_WAY R(0.04)
 #define ASKEW R(0.1)
+#define SLOW R(0.01)
 #define LONGEST_STEP R(0.05)
 #define CLOSE_ENOUGH R(2e-4)
 #define STILL R(1e-9)
@@ -50,9 +51,14 @@ SHARED static sf_real see(sf_course *course, sf_real s, const sf_real *place) {
     return follower->seen_off = sf_length(dx, dy);
 }
 
-SHARED static sf_real turned_from_tangent(const sf_course *course, sf_real heading) {
+SHARED static sf_real turn_from_tangent(const sf_course *course, const sf_real *way) {
     const sf_follower *follower = &course->follower;
-    return angle(follower->tx, follower->ty, SF_COS(heading), SF_SIN(heading));
+    return angle(follower->tx, follower->ty, way[SF_X], way[SF_Y]);
+}
+
+SHARED static void direction(sf_real heading, sf_real *way) {
+    way[SF_X] = SF_COS(heading);
+    way[SF_Y] = SF_SIN(heading);
 }
 
 bool sf_start_pose(sf_agent *agent, sf_real *x, sf_real *y, sf_real *heading) {
@@ -73,8 +79,9 @@ sf_apart sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there)
 }
 
 sf_apart sf_start_from(sf_course *course, const sf_pose *pose) {
-    sf_real off = see(course, R(0), pose->at);
-    return (sf_apart){off, -turned_from_tangent(course, pose->heading)};
+    sf_real off = see(course, R(0), pose->at), way[2];
+    direction(pose->heading, way);
+    return (sf_apart){off, -turn_from_tangent(course, way)};
 }
 
 /* Let the robot be at follower->s, with its pose as it was seen last. */
@@ -85,7 +92,7 @@ SHARED static void take(sf_course *course) {
     follower->lateral = follower->seen_lateral;
     follower->beyond = R(0);
     if (s <= R(0) || s >= course->curve.length) follower->beyond = follower->seen_along;
-    follower->heading_error = turned_from_tangent(course, follower->pose.heading);
+    follower->heading_error = turn_from_tangent(course, follower->way);
 }
 
 /* See the last pose from where the robot is, and take that. */
@@ -95,13 +102,13 @@ SHARED static void look(sf_course *course) {
 }
 
 /* Take s for the place if the path's pose there is nearer to the robot's than that found before; a
-   heading error counts as far as the arm leads it. */
+   heading error e counts 2 LED_OFF sin(e / 2) if it counts. */
 SHARED static bool go_nearer(sf_course *course, sf_real s) {
     sf_follower *follower = &course->follower;
     s = sf_on_curve(&course->curve, s);
     see(course, s, follower->pose.at);
-    sf_real led = follower->arm * turned_from_tangent(course, follower->pose.heading);
-    sf_real apart = follower->seen_off * follower->seen_off + led * led;
+    sf_real along = follower->tx * follower->way[SF_X] + follower->ty * follower->way[SF_Y];
+    sf_real apart = follower->seen_off * follower->seen_off - follower->led * along;
     if (!(apart < follower->nearest)) return false;
     follower->nearest = apart;
     follower->s = s;
@@ -109,8 +116,8 @@ SHARED static bool go_nearer(sf_course *course, sf_real s) {
 }
 
 /* Begin a search where the robot was. */
-SHARED static void look_near(sf_course *course, sf_real arm) {
-    course->follower.arm = arm;
+SHARED static void look_near(sf_course *course, sf_real led) {
+    course->follower.led = led;
     course->follower.nearest = SF_INF;
     go_nearer(course, course->follower.s);
 }
@@ -137,8 +144,10 @@ void sf_locate(sf_course *course, const sf_pose *pose) {
         return;
     }
     follower->pose = *pose;
-    if (follower->clear < TIGHT_WAY || sf_abs(follower->heading_error) > ASKEW) {
-        look_near(course, LED_OFF);
+    direction(heading, follower->way);
+    if (follower->clear < TIGHT_WAY ||
+        (sf_abs(follower->heading_error) > ASKEW && !(follower->travel > SLOW))) {
+        look_near(course, R(2) * LED_OFF * LED_OFF);
         search(course, TIGHT_WAY);
     } else {
         int tries = 4;
@@ -184,7 +193,7 @@ void sf_steer(sf_course *course) {
     sf_follower *follower = &course->follower;
     bool still = follower->still;
     sf_real bend = R(0), tx = follower->tx, ty = follower->ty, reach = SF_INF;
-    sf_real travel = course->speed * course->period; /* until the next tick */
+    sf_real travel = follower->travel = course->speed * course->period;
     sf_real ahead = sf_most(travel, LEAST_LOOK_AHEAD);
     if (ahead > follower->clear) ahead = reach = follower->clear;
     ahead = sf_least(ahead, course->curve.length - follower->s);

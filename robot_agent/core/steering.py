@@ -36,7 +36,9 @@ _TIGHT_WAY = 0.04
 for so far before and behind its last place."""
 
 _ASKEW = 0.1
-"""A robot whose heading is off by more than this [rad] is looked for in the same way."""
+_SLOW = 0.01
+"""A robot whose heading is off by more than ASKEW [rad] is looked for in the same way, unless it
+drives more than SLOW [m] in a tick."""
 
 _LONGEST_STEP = 0.05
 _CLOSE_ENOUGH = 2e-4
@@ -75,7 +77,9 @@ class PathFollower:
         self._bend_travel, self._bend = -inf, 0.0
         self.reach = inf
         self._clear = inf  # How far ahead [m] it may look; it doubles each tick after a tight bend.
-        self._nearest, self._arm = inf, 0.0
+        self._hx, self._hy = 1.0, 0.0  # The robot's direction.
+        self._travel = 0.0
+        self._nearest, self._led = inf, 0.0
 
     def start_pose(self) -> tuple[float, float, float]:
         """Return x, y [m] and heading [rad] at the curve's beginning."""
@@ -95,7 +99,7 @@ class PathFollower:
         """Return a pose's distance [m] from the curve's beginning and the turn needed [rad]."""
         self._tangent_at(0.0)
         dx, dy = x - self._curve.x, y - self._curve.y
-        return sqrt(dx * dx + dy * dy), -self._turned_from_tangent(heading)
+        return sqrt(dx * dx + dy * dy), -self._turn_from_tangent(cos(heading), sin(heading))
 
     def locate(self, x: float, y: float, heading: float) -> None:
         """Project a pose on the path near the last s, by Newton steps of one evaluation each.
@@ -110,9 +114,11 @@ class PathFollower:
             self._still_at = inf
             return
         self._x, self._y, self._heading = x, y, heading
+        self._hx, self._hy = cos(heading), sin(heading)
         curve = self._curve
         length, began = curve.length, s
-        if self._clear < _TIGHT_WAY or abs(self.heading_error) > _ASKEW:
+        askew = abs(self.heading_error) > _ASKEW and self._travel < _SLOW
+        if self._clear < _TIGHT_WAY or askew:
             self._look_near(s, LED_OFF)
             self._search(_TIGHT_WAY)
             s = self.s
@@ -159,8 +165,8 @@ class PathFollower:
         self._search(_SEARCH_STEP)
 
     def _look_near(self, s: float, arm: float) -> None:
-        """Begin a search at s; a heading error counts `arm` [m/rad] there."""
-        self._arm = arm
+        """Begin a search at s; a heading error e counts 2 `arm` sin(e / 2) [m] there."""
+        self._led = 2.0 * arm * arm
         self._nearest = self._pose_apart(s)
 
     def _search(self, step: float) -> None:
@@ -182,10 +188,9 @@ class PathFollower:
         return True
 
     def _pose_apart(self, s: float) -> float:
-        """Return how far the robot is from the path's pose at s, squared [m^2]."""
+        """Return how far the robot is from the path's pose at s, squared, less a constant [m^2]."""
         apart = self._apart(s)
-        led_off = self._arm * self._turned_from_tangent(self._heading)
-        return apart * apart + led_off * led_off
+        return apart * apart - self._led * (self._tx * self._hx + self._ty * self._hy)
 
     def away_from(self, s: float) -> float:
         """Return the distance [m] of the robot from the path's point at another s."""
@@ -207,7 +212,7 @@ class PathFollower:
         look-ahead begins at the tangent found there.  For a robot that stands, the result for the
         last travel is kept.
         """
-        still_at = self._still_at
+        still_at, self._travel = self._still_at, travel
         if still_at < inf and travel == self._bend_travel:
             return self._bend
         ahead, left = travel, self._curve.length - self.s
@@ -240,7 +245,7 @@ class PathFollower:
     def _turn_ahead(self, tx: float, ty: float, ahead: float) -> float:
         """Return by how much the path has turned [rad] from a direction at s + `ahead` [m]."""
         self._tangent_at(self.s + ahead)
-        return atan2(tx * self._ty - ty * self._tx, tx * self._tx + ty * self._ty)
+        return -self._turn_from_tangent(tx, ty)
 
     def _take(self, s: float) -> None:
         """Set the robot's place to s, which must be where the tangent was last evaluated."""
@@ -250,7 +255,7 @@ class PathFollower:
         self.lateral = dy * tx - dx * ty
         self.off = sqrt(dx * dx + dy * dy)
         self.beyond = dx * tx + dy * ty if s <= 0.0 or s >= curve.length else 0.0
-        self.heading_error = self._turned_from_tangent(self._heading)
+        self.heading_error = self._turn_from_tangent(self._hx, self._hy)
 
     def _apart(self, s: float) -> float:
         """Return the distance [m] of the robot from the path's point at s."""
@@ -258,8 +263,7 @@ class PathFollower:
         dx, dy = self._x - self._curve.x, self._y - self._curve.y
         return sqrt(dx * dx + dy * dy)
 
-    def _turned_from_tangent(self, heading: float) -> float:
-        x, y = cos(heading), sin(heading)
+    def _turn_from_tangent(self, x: float, y: float) -> float:
         return atan2(y * self._tx - x * self._ty, x * self._tx + y * self._ty)
 
     def _tangent_at(self, s: float) -> None:
