@@ -100,6 +100,10 @@ def _rounded(turn: _Turn, space: Space, radius: float, widths: Sequence[float]) 
         if best_radius >= radius:
             break
     if not best:
+        for trial in _slanted(into, onward, here):
+            way = np.stack((turn.before, *trial, turn.after))
+            if space.keeping(way[:-1], way[1:]).all():
+                return trial
         raise PlanError(
             f"no room to turn round at ({here[0]:.2f}, {here[1]:.2f})",
             place=(float(here[0]), float(here[1])),
@@ -143,6 +147,15 @@ def _trials(
     yield from ([here, here + sign * width * side] for sign in (1.0, -1.0))
     back = width * np.array([-onward[1], onward[0]])
     yield from ([here + sign * back, here] for sign in (1.0, -1.0))
+
+
+def _slanted(into: Array, onward: Array, here: Array) -> Iterator[list[Array]]:
+    """Yield vertices for a turn in a corner of the floor, where there is room backwards only."""
+    for back in (-into, onward):
+        for sign in (1.0, -1.0):
+            slant = back + sign * np.array([-back[1], back[0]])
+            beside = here + _LEGS[0] * _unit(slant)
+            yield from ([here, beside], [beside, here])
 
 
 def _least_radius(way: Array) -> float:

@@ -59,8 +59,13 @@ class Graph:
     team: Team
 
 
-def place_graph(scenario: Scenario, floor: GrownFloor, radii: Sequence[float]) -> Graph:
-    """Return the graph for robots of a scenario, whose `radii` [m] are at most theirs."""
+def place_graph(
+    scenario: Scenario, floor: GrownFloor, radii: Sequence[float], density: float = 1.0
+) -> Graph:
+    """Return the graph for robots of a scenario, whose `radii` [m] are at most theirs.
+
+    Of places in between, `density` lie in the distance that two robots at rest keep.
+    """
     robots, margin = scenario.robots, scenario.margin
     kinds, kind = np.unique(np.round(radii, 6), return_inverse=True)
     need = kinds[:, None] + kinds[None, :] + margin + ROOM
@@ -73,7 +78,8 @@ def place_graph(scenario: Scenario, floor: GrownFloor, radii: Sequence[float]) -
     ]
     ends, whose = np.unique(ends, axis=0, return_inverse=True)
     spacing = float(need[-1, -1]) + ROOM
-    places = np.concatenate((ends, _spread(floor, float(kinds[-1]) + margin + _TOUCH, spacing)))
+    between = _spread(floor, float(kinds[-1]) + margin + _TOUCH, spacing / density)
+    places = np.concatenate((ends, between))
     pairs, ways = _connected(places, spaces, spacing)
     order = np.lexsort((pairs[:, 1], pairs[:, 0]))
     pairs, ways = pairs[order], [ways[k] for k in order.tolist()]

@@ -43,6 +43,9 @@ _CUT: Final = 0.4 * ROOM
 _STEP: Final = 0.05
 """Where a robot is out of another one's way is looked for in such steps [m]."""
 
+_DENSITIES: Final = (1.0, 2.0, 3.0)
+"""Places are so many times nearer to each other than two robots at rest, tried in turn."""
+
 _CLEARLY: Final = 0.6
 """If moves that start at times have less than this share of the sum of arrivals, moves in turn are
 not driven for comparison: fewer of their places are passed, which saves less than that."""
@@ -95,10 +98,24 @@ def can_make_room(scenario: Scenario) -> bool:
 def find_legs(scenario: Scenario, finder: Pathfinder, tau: float) -> Iterator[list[Legs]]:
     """Yield paths of several legs for all robots, if moves are found: a choice, or two of them.
 
-    Moves of which a robot has no room to drive one are left out.
+    Moves of which a robot has no room to drive one are left out.  For few robots more places are
+    tried if there are no paths between fewer.
     """
     radii = [robot.radius for robot in scenario.robots]
-    graph = place_graph(scenario, finder.floor, radii)
+    for density in _DENSITIES if len(radii) <= FEW else _DENSITIES[:1]:
+        graph = place_graph(scenario, finder.floor, radii, density)
+        found = False
+        for legs in _find_on(graph, scenario, finder, tau):
+            found = True
+            yield legs
+        if found:
+            return
+
+
+def _find_on(
+    graph: Graph, scenario: Scenario, finder: Pathfinder, tau: float
+) -> Iterator[list[Legs]]:
+    """Yield paths of several legs between the places of a graph."""
     outcome, found = find_moves(graph)
     if outcome != SOLVED:
         return
@@ -107,7 +124,7 @@ def find_legs(scenario: Scenario, finder: Pathfinder, tau: float) -> Iterator[li
     def is_clear(robot: int, start: Array, end: Array) -> bool:
         return bool(spaces[robot].keeping(start[None], end[None])[0])
 
-    if len(radii) > FEW and len(graph.team.need) == 1:
+    if len(spaces) > FEW and len(graph.team.need) == 1:
         speed = max(scenario.planned_speed(robot) for robot in scenario.robots)
         early, share = early_moves(graph, found, speed * tau)
         with suppress(PlanError):

@@ -101,7 +101,6 @@ typedef struct {
     bool still;   /* whether s hardly changed then, and still holds */
     sf_real s, tangent_s, tx, ty;
     sf_real clear;        /* how far ahead it may look; it doubles each tick after a tight bend */
-    sf_real travel;       /* until the next tick */
     sf_real way[2];       /* the robot's direction */
     sf_real nearest, led; /* of a search: how near it came, squared; what its direction counts */
     sf_real seen_off, seen_lateral, seen_along; /* a pose, from where the tangent is */

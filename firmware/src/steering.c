@@ -10,8 +10,6 @@
 #define TIGHT R(25)
 #define MOST_TURN R(0.3)
 #define TIGHT_WAY R(0.04)
-#define ASKEW R(0.1)
-#define SLOW R(0.01)
 #define LONGEST_STEP R(0.05)
 #define CLOSE_ENOUGH R(2e-4)
 #define STILL R(1e-9)
@@ -87,11 +85,9 @@ sf_apart sf_start_from(sf_course *course, const sf_pose *pose) {
 /* Let the robot be at follower->s, with its pose as it was seen last. */
 SHARED static void take(sf_course *course) {
     sf_follower *follower = &course->follower;
-    sf_real s = follower->s;
     follower->off = follower->seen_off;
     follower->lateral = follower->seen_lateral;
-    follower->beyond = R(0);
-    if (s <= R(0) || s >= course->curve.length) follower->beyond = follower->seen_along;
+    follower->beyond = follower->seen_along;
     follower->heading_error = turn_from_tangent(course, follower->way);
 }
 
@@ -145,10 +141,9 @@ void sf_locate(sf_course *course, const sf_pose *pose) {
     }
     follower->pose = *pose;
     direction(heading, follower->way);
-    if (follower->clear < TIGHT_WAY ||
-        (sf_abs(follower->heading_error) > ASKEW && !(follower->travel > SLOW))) {
+    if (follower->clear < TIGHT_WAY) {
         look_near(course, R(2) * LED_OFF * LED_OFF);
-        search(course, TIGHT_WAY);
+        search(course, R(2) * TIGHT_WAY);
     } else {
         int tries = 4;
         do {
@@ -193,7 +188,7 @@ void sf_steer(sf_course *course) {
     sf_follower *follower = &course->follower;
     bool still = follower->still;
     sf_real bend = R(0), tx = follower->tx, ty = follower->ty, reach = SF_INF;
-    sf_real travel = follower->travel = course->speed * course->period;
+    sf_real travel = course->speed * course->period; /* until the next tick */
     sf_real ahead = sf_most(travel, LEAST_LOOK_AHEAD);
     if (ahead > follower->clear) ahead = reach = follower->clear;
     ahead = sf_least(ahead, course->curve.length - follower->s);
@@ -205,13 +200,15 @@ void sf_steer(sf_course *course) {
             ahead = reach = R(0.5) * ahead;
         }
         bend /= ahead;
+        if (sf_abs(bend) > TIGHT)
+            follower->clear = R(2) * ahead;
+        else if (!still)
+            follower->clear *= R(2);
         if (still) { /* The next `sf_locate` may leave all as it is. */
             follower->tx = tx;
             follower->ty = ty;
             follower->still = true;
             follower->tangent_s = SF_INF;
-        } else {
-            follower->clear = R(2) * (sf_abs(bend) > TIGHT ? ahead : follower->clear);
         }
     }
     if (follower->located) {
@@ -220,6 +217,7 @@ void sf_steer(sf_course *course) {
     }
     course->curvature = sf_clamp(bend, -SHARPEST, SHARPEST);
     if (travel > reach) course->speed = reach / course->period;
+    course->distance = sf_least(course->distance, R(2) * reach);
 }
 
 #include "core_end.h"

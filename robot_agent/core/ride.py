@@ -400,11 +400,16 @@ class Ride:
         self._steer()
 
     def _steer(self) -> None:
-        """Set the curvature to drive; slow down where the path turns much until the next tick."""
+        """Set the curvature to drive; slow down where the path turns much until the next tick.
+
+        A tick that is late lets the robot drive no more than twice that way.
+        """
         follower, period = self.follower, self._period
         self.curvature = follower.curvature(self.speed * period)
         if self.speed * period > follower.reach:
             self.speed = follower.reach / period
+        if self.distance > 2.0 * follower.reach:
+            self.distance = 2.0 * follower.reach
 
     def _advanced(self, now: float) -> float:
         """Return the plan time [s] by which a robot drives that lags behind now.

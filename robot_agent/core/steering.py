@@ -33,12 +33,7 @@ _MOST_TURN = 0.3
 
 _TIGHT_WAY = 0.04
 """A robot is near a tight bend if it has seen one less than this far ahead [m], and is then looked
-for so far before and behind its last place."""
-
-_ASKEW = 0.1
-_SLOW = 0.01
-"""A robot whose heading is off by more than ASKEW [rad] is looked for in the same way, unless it
-drives more than SLOW [m] in a tick."""
+for up to twice as far from its last place: a late tick lets it drive so far."""
 
 _LONGEST_STEP = 0.05
 _CLOSE_ENOUGH = 2e-4
@@ -57,11 +52,11 @@ _SEARCH_END = 1e-4
 class PathFollower:
     """A robot on a curve: after `locate`, it is `s` [m] along the curve and `lateral` [m] left.
 
-    `beyond` [m] is how far past the curve's end it is, or (negative) before its beginning; `off`
-    [m] is its distance from the curve's point at s, in any direction.  `heading_error` [rad] is the
-    robot's heading minus the path's.  A pose that is not finite leaves s as it was and makes
-    `lateral` and `off` infinite.  After `curvature`, `reach` [m] is how far it may drive until the
-    next tick.
+    `beyond` [m] is how far ahead of the curve's point at s it is, which is little unless that is an
+    end or a corner; `off` [m] is its distance from that point, in any direction.  `heading_error`
+    [rad] is the robot's heading minus the path's.  A pose that is not finite leaves s as it was and
+    makes `lateral` and `off` infinite.  After `curvature`, `reach` [m] is how far it may drive
+    until the next tick.
     """
 
     def __init__(self, curve: Curve) -> None:
@@ -78,7 +73,6 @@ class PathFollower:
         self.reach = inf
         self._clear = inf  # How far ahead [m] it may look; it doubles each tick after a tight bend.
         self._hx, self._hy = 1.0, 0.0  # The robot's direction.
-        self._travel = 0.0
         self._nearest, self._led = inf, 0.0
 
     def start_pose(self) -> tuple[float, float, float]:
@@ -104,7 +98,7 @@ class PathFollower:
     def locate(self, x: float, y: float, heading: float) -> None:
         """Project a pose on the path near the last s, by Newton steps of one evaluation each.
 
-        In tight bends, and for a robot that is askew, the nearest pose is searched instead.
+        Near tight bends the nearest pose is searched instead.
         """
         s = self.s
         if s == self._still_at and x == self._x and y == self._y and heading == self._heading:
@@ -117,10 +111,9 @@ class PathFollower:
         self._hx, self._hy = cos(heading), sin(heading)
         curve = self._curve
         length, began = curve.length, s
-        askew = abs(self.heading_error) > _ASKEW and self._travel < _SLOW
-        if self._clear < _TIGHT_WAY or askew:
+        if self._clear < _TIGHT_WAY:
             self._look_near(s, LED_OFF)
-            self._search(_TIGHT_WAY)
+            self._search(2.0 * _TIGHT_WAY)
             s = self.s
         else:
             for _ in range(4):
@@ -212,7 +205,7 @@ class PathFollower:
         look-ahead begins at the tangent found there.  For a robot that stands, the result for the
         last travel is kept.
         """
-        still_at, self._travel = self._still_at, travel
+        still_at = self._still_at
         if still_at < inf and travel == self._bend_travel:
             return self._bend
         ahead, left = travel, self._curve.length - self.s
@@ -231,11 +224,13 @@ class PathFollower:
                 ahead = self.reach = 0.5 * ahead
                 turn = self._turn_ahead(tx, ty, ahead)
             bend = turn / ahead
+            if abs(bend) > _TIGHT:
+                self._clear = 2.0 * ahead
+            elif still_at == inf:
+                self._clear *= 2.0
             if still_at < inf:
                 self._tx, self._ty, self._still_at = tx, ty, still_at
                 self._tangent_s = inf
-            else:
-                self._clear = 2.0 * (ahead if abs(bend) > _TIGHT else self._clear)
         if self.lateral < inf:
             rate = 1.0 / max(SETTLING_LENGTH, _TICKS_TO_SETTLE * travel)
             bend -= rate * (rate * self.lateral + 2.0 * self.heading_error)
@@ -254,7 +249,7 @@ class PathFollower:
         dx, dy = self._x - curve.x, self._y - curve.y
         self.lateral = dy * tx - dx * ty
         self.off = sqrt(dx * dx + dy * dy)
-        self.beyond = dx * tx + dy * ty if s <= 0.0 or s >= curve.length else 0.0
+        self.beyond = dx * tx + dy * ty
         self.heading_error = self._turn_from_tangent(self._hx, self._hy)
 
     def _apart(self, s: float) -> float:

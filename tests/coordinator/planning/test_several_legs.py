@@ -114,3 +114,31 @@ def test_where_a_fifth_of_the_floor_is_covered_plans_pass_their_proof(robots, se
     document = plan_scenario(scenario)
     assert document.proof.holds
     assert complaints(to_json(document), scenario) == []
+
+
+@pytest.mark.parametrize(
+    ("side", "radius", "margin", "trips"),
+    [
+        pytest.param(0.4, 0.05, 0.03, [
+            ((0.139, 0.182), (0.097, 0.122)), ((0.305, 0.285), (0.255, 0.21)),
+            ((0.305, 0.093), (0.102, 0.305)),
+        ], id="one turns back in a corner of the floor"),
+        pytest.param(0.84, 0.1, 0.05, [
+            ((0.672, 0.624), (0.276, 0.165)), ((0.185, 0.259), (0.583, 0.552)),
+            ((0.494, 0.246), (0.658, 0.258)), ((0.307, 0.64), (0.208, 0.641)),
+        ], id="places have to be nearer to each other than robots may rest"),
+    ],
+)  # fmt: skip
+def test_few_robots_make_room_on_a_floor_that_is_hardly_large_enough(side, radius, margin, trips):
+    robots = tuple(
+        Robot(
+            id=f"R{number}", start=start, goal=goal, radius=radius,
+            max_speed=0.8, max_accel=0.8, max_lateral_accel=0.8,
+        )
+        for number, (start, goal) in enumerate(trips, 1)
+    )  # fmt: skip
+    floor = Workspace(boundary=((0.0, 0.0), (side, 0.0), (side, side), (0.0, side)))
+    scenario = Scenario(name="small", workspace=floor, robots=robots, margin=margin)
+    document = plan_scenario(scenario)
+    assert document.proof.holds
+    assert complaints(to_json(document), scenario) == []

@@ -64,3 +64,36 @@ def test_a_robot_that_lost_a_needle_turn_tells_where_it_rests(turns, step):
             assert math.dist(told, (x, y)) < 0.003
             turned = math.remainder(heading + follower.heading_error - 1.0, math.tau)
             assert abs(turned) < 0.02
+
+
+@pytest.mark.parametrize("turn", [-2.1, -1.0, 0.5, 2.1])
+def test_a_robot_outside_of_a_corner_tells_where_it_rests(turn):
+    """Nearest is the tip, which is not at right angles to the robot."""
+    corner = np.array([2.0, 2.0])
+    end = corner + np.array([math.cos(turn), math.sin(turn)])
+    points = np.array([[1.0, 2.0], corner, end])
+    outwards = corner - points.mean(axis=0)
+    place = corner + 0.06 * outwards / np.hypot(*outwards)
+    for began in (0.8, 0.99, 1.01, 1.2):
+        curve = Curve(1, [0.0, 0.0, 1.0, 2.0, 2.0], *points.T.tolist(), [1.0] * 3)
+        follower = PathFollower(curve)
+        follower.s = began
+        follower.locate(*place.tolist(), 0.5 * turn)
+        follower.find()
+        curve.place(follower.s)
+        ahead = np.array([curve.dx, curve.dy]) / math.hypot(curve.dx, curve.dy)
+        left = np.array([-ahead[1], ahead[0]])
+        told = np.array([curve.x, curve.y]) + follower.lateral * left + follower.beyond * ahead
+        assert math.dist(told, place) < 0.001
+
+
+def test_a_robot_that_turns_on_the_spot_stays_where_it_is_on_its_path():
+    """It would be sought at the place of a bend to which its heading fits, if such were nearer."""
+    path = winding_path("llllll", 0.05)
+    for turned in np.linspace(-3.0, 3.0, 13):
+        follower = PathFollower(Curve(*path))
+        x, y, heading = follower.start_pose()
+        for _ in range(3):
+            follower.locate(x, y, heading + turned)
+            follower.curvature(0.0)
+        assert follower.s < 1e-6
