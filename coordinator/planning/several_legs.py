@@ -194,12 +194,13 @@ def first_motions(all_legs: Sequence[Legs], tracks: Sequence[Track], tau: float)
             depart = max(depart, free + tau + _AFTER)
         # A robot that does not wait here may come here sooner than one that stops later on.
         s = np.array([legs.begin(number)])
-        if float(Motion(limits, waits[robot]).reached(s)[0]) < depart:
+        if float(Motion(limits, waits[robot][-1:]).reached(s)[0]) < depart:
             here = float(driven[robot][-1].reached(s)[0]) if number else 0.0
             waits[robot].append(Wait(float(s[0]), max(depart, here), -1))
         onward = next((rest for rest in legs.rests if rest > number), len(legs.legs))
         stop = [Wait(legs.begin(onward), 0.0, -1)] if onward < len(legs.legs) else []
-        driven[robot] += [Motion(limits, [*waits[robot], *stop])] * (onward - number)
+        # Where a robot is later depends on its last wait alone.
+        driven[robot] += [Motion(limits, [*waits[robot][-1:], *stop])] * (onward - number)
     return [Motion(track.limits, w) for track, w in zip(tracks, waits, strict=True)]
 
 
@@ -223,9 +224,9 @@ def _in_turn(moves: Moves) -> list[list[Leg]]:
     known: list[dict[int, tuple[int, float]]] = [{} for _ in moves.starts]
     for turn, robot in enumerate(robots):
         after: dict[int, tuple[int, float]] = {}
-        for early in before[turn]:
-            first, number = robots[early], numbers[early]
-            so_far = known[robot].get(first, (-1, 0.0))
+        latest = {robots[early]: early for early in sorted(before[turn])}
+        for first, early in latest.items():
+            number, so_far = numbers[early], known[robot].get(first, (-1, 0.0))
             if number >= so_far[0]:
                 clear = _clear_at(lines[early], lines[turn], float(moves.need[robot, first]))
                 if (number, clear) > so_far:

@@ -69,27 +69,21 @@ typedef struct {
 
 /* Small fields stand first in every struct, and arrays last: short offsets make short code. */
 
+/* Of a curve, all but its arrays. */
 typedef struct {
-    uint8_t degree, axes; /* axes: without SF_WEIGHT for a cubic whose weights are all 1 */
-    uint16_t count;
-    sf_real at[SF_AXES], slope[SF_AXES], length; /* slope: of at, by the parameter */
     const sf_cell *cell; /* where the curve was evaluated last */
     sf_cell *last;       /* of the table: where the curve ends */
     const sf_real *knot; /* where the piece begins that was evaluated last */
     const sf_real *end;  /* the first knot at the curve's end */
     sf_piece *piece, *spare;
-    sf_piece pieces[2];
-    sf_real knots[SF_POINTS + SF_DEGREE + 1];
-    sf_real points[SF_AXES][SF_POINTS];
-    sf_cell table[SF_CELLS + 1];
+    sf_real at[SF_AXES], slope[SF_AXES], length; /* slope: of at, by the parameter */
 } sf_curve;
 
 typedef struct {
-    sf_real finish, most_v, v;
     const sf_knot *leg; /* where the robot was last */
     sf_knot *next;      /* the leg to be added; behind the last one */
-    sf_real length;
     sf_knot *knots, *end; /* those of the course */
+    sf_real v, length, finish, most_v;
 } sf_timeline;
 
 typedef struct {
@@ -97,9 +91,7 @@ typedef struct {
 } sf_pose;
 
 typedef struct {
-    bool located; /* whether the last pose was one, and is in `pose` */
-    bool still;   /* whether s hardly changed then, and still holds */
-    sf_real s, tangent_s, tx, ty;
+    sf_real s, tangent_s, tangent[2]; /* tangent: the path's direction at tangent_s */
     sf_real clear;        /* how far ahead it may look; it doubles each tick after a tight bend */
     sf_real way[2];       /* the robot's direction */
     sf_real nearest, led; /* of a search: how near it came, squared; what its direction counts */
@@ -114,18 +106,24 @@ enum { SF_BRAKES, SF_PACED, SF_RESTS, SF_STUCK, SF_SINCE };
 /* One course and the robot on it.  Times are seconds of plan time after origin_ms. */
 typedef struct {
     bool halted, holds, may_turn, turns, from_rest, at_once; /* at_once: it starts and stops so */
-    uint16_t clock_ms, late;
-    sf_follower follower;
+    bool located; /* whether the follower's pose is one */
+    bool still;   /* whether the follower's s hardly changed then, and still holds */
+    uint8_t degree, axes; /* axes: without SF_WEIGHT for a cubic whose weights are all 1 */
+    uint16_t count, clock_ms, late; /* count: of control points */
     int32_t begin_ms, origin_ms, stamp_ms;
-    int64_t told_ms;
     sf_real speed, curvature, distance, turn; /* the command */
-    sf_real track, brake, period, catch_up, slack, limit, reaction, foresight;
-    sf_real hurry; /* how much plan time passes in a tick at most, when the robot is late */
-    sf_real watch, since[SF_SINCE], until, rests, pace, rest_x, rest_y, stuck_s, pace_s;
-    sf_real brake_speed, authority, granted, time, begin;
+    sf_real watch, since[SF_SINCE], rest_x, rest_y, pace, brake_speed;
     sf_timeline timeline;
     sf_curve curve;
-    sf_knot knots[SF_LEGS + 1]; /* of the timeline */
+    sf_follower follower;
+    int64_t told_ms;
+    sf_real track, brake, period, catch_up, slack, limit, reaction, foresight;
+    sf_real until, rests, stuck_s, pace_s, authority, granted, time, begin;
+    sf_piece pieces[2]; /* of the curve; `curve` points to them */
+    sf_real knots[SF_POINTS + SF_DEGREE + 1];
+    sf_real points[SF_AXES][SF_POINTS];
+    sf_cell table[SF_CELLS + 1];
+    sf_knot legs[SF_LEGS + 1]; /* the timeline's knots */
 } sf_course;
 
 typedef struct {
@@ -187,13 +185,13 @@ typedef struct {
     uint32_t taken; /* the newest course that it has held; one that it dropped is gone for good */
     const void *robot; /* the sf_robot */
     sf_course *ride, *coming;
-    uint32_t spent_epoch, report_sequence, hellos, newest_term, newest_boot;
-    uint32_t reported[SF_REPORTED];
+    uint32_t spent_epoch, report_sequence, hellos;
+    uint32_t reported[SF_REPORTED], newest_term, newest_boot;
     sf_real unsure, passed;
     sf_real drive_speed, drive_curvature, drive_distance, drive_turn;
     sf_pose pose;
     int64_t ticked_ns, start_ns, reported_ns, hello_ns;
-    int64_t newest_sequence;
+    int64_t next_sequence; /* of the newest Command, + 1 */
     sf_clock clock;
     sf_plan plan;
     sf_course courses[2];

@@ -12,29 +12,27 @@
 
 enum {
     READY, NOT_READY, TOLD_TO_GO, TOLD_TO_FREEZE, NEW_EPOCH, AT_REST, ARRIVED, LEFT_PATH, NEW_COURSE,
-    EVENTS,
     TROUBLE = TOLD_TO_FREEZE /* changes the same */
 };
 
-/* [phase][event] -> phase + 1; 0 leaves it unchanged. */
-static const uint8_t TRANSITIONS[6][EVENTS] = {
-    [SF_IDLE] = {[READY] = SF_ARMED + 1, [NEW_EPOCH] = SF_IDLE + 1},
-    [SF_ARMED] = {[NOT_READY] = SF_IDLE + 1, [TOLD_TO_GO] = SF_MOVING + 1,
-                  [TOLD_TO_FREEZE] = SF_FROZEN + 1, [NEW_EPOCH] = SF_IDLE + 1},
-    [SF_MOVING] = {[TOLD_TO_FREEZE] = SF_BRAKING + 1, [NEW_EPOCH] = SF_BRAKING + 1,
-                   [ARRIVED] = SF_DONE + 1, [LEFT_PATH] = SF_BRAKING + 1},
-    [SF_BRAKING] = {[AT_REST] = SF_FROZEN + 1, [ARRIVED] = SF_DONE + 1},
-    [SF_FROZEN] = {[NEW_EPOCH] = SF_IDLE + 1, [NEW_COURSE] = SF_MOVING + 1},
-    [SF_DONE] = {[NEW_EPOCH] = SF_IDLE + 1, [NEW_COURSE] = SF_MOVING + 1,
-                 [LEFT_PATH] = SF_BRAKING + 1},
+/* Of each phase: for each event three bits, the next phase + 1; 0 leaves it unchanged. */
+#define EVENT_BITS 3
+#define TO(event, phase) (((uint32_t)(phase) + 1) << EVENT_BITS * (event))
+static const uint32_t TRANSITIONS[6] = {
+    [SF_IDLE] = TO(READY, SF_ARMED) | TO(NEW_EPOCH, SF_IDLE),
+    [SF_ARMED] = TO(NOT_READY, SF_IDLE) | TO(TOLD_TO_GO, SF_MOVING) | TO(TOLD_TO_FREEZE, SF_FROZEN) |
+                 TO(NEW_EPOCH, SF_IDLE),
+    [SF_MOVING] = TO(TOLD_TO_FREEZE, SF_BRAKING) | TO(NEW_EPOCH, SF_BRAKING) | TO(ARRIVED, SF_DONE) |
+                  TO(LEFT_PATH, SF_BRAKING),
+    [SF_BRAKING] = TO(AT_REST, SF_FROZEN) | TO(ARRIVED, SF_DONE),
+    [SF_FROZEN] = TO(NEW_EPOCH, SF_IDLE) | TO(NEW_COURSE, SF_MOVING),
+    [SF_DONE] = TO(NEW_EPOCH, SF_IDLE) | TO(NEW_COURSE, SF_MOVING) | TO(LEFT_PATH, SF_BRAKING),
 };
 
 void sf_init(sf_agent *agent, const sf_robot *robot) {
     memset(agent, 0, sizeof *agent);
     agent->robot = robot;
     agent->ticked_ns = SF_UNKNOWN;
-    agent->leader.heard_ns = SF_NEVER;
-    agent->newest_sequence = -1;
     agent->reported_ns = agent->hello_ns = SF_NEVER;
     agent->clock.now_ns = SF_NEVER;
     sf_clock_start_over(&agent->clock);
@@ -56,12 +54,12 @@ SHARED static void rest(sf_agent *agent, bool tell) {
     rest->revision = agent->revision;
     rest->s = agent->ride->follower.s;
     rest->tell = tell;
-    sf_offset(&agent->ride->follower, rest);
+    sf_offset(agent->ride, rest);
 }
 
 /* In every phase but IDLE the robot has a course. */
 static void apply(sf_agent *agent, int event) {
-    uint8_t entry = TRANSITIONS[agent->phase][event];
+    uint32_t entry = TRANSITIONS[agent->phase] >> EVENT_BITS * event & 7;
     if (entry == 0) return;
     agent->phase = (uint8_t)(entry - 1);
     switch (agent->phase) {
@@ -126,7 +124,6 @@ void sf_hear_command(sf_agent *agent, const sf_command *command) {
     sf_leader *leader = &agent->leader;
     const sf_order *order = &command->order;
     const sf_order *last = &leader->order;
-    bool still = before_motion(agent);
     if (!counts(agent, order)) return;
     if (order->epoch != last->epoch && !agent->ride) agent->fault = SF_NO_FAULT;
     bool other_term = leader->heard && last->term != order->term;
@@ -136,7 +133,7 @@ void sf_hear_command(sf_agent *agent, const sf_command *command) {
     leader->heard_ns = agent->clock.now_ns;
     if (another) {
         sf_clock_start_over(&agent->clock);
-        if (still) apply(agent, NEW_EPOCH);
+        if (before_motion(agent)) apply(agent, NEW_EPOCH);
     } else if (sf_is_said_in_future(&agent->clock, command->said_ns)) {
         lose_clock(agent);
     }
@@ -261,9 +258,7 @@ int64_t sf_plan_time_ms(const sf_agent *agent, const sf_course *ride) {
 }
 
 static void try_to_arm(sf_agent *agent, sf_course *ride) {
-    sf_locate(ride, &agent->pose); /* If it fails before it sets out, it rests there. */
-    agent->fault = sf_fault_at_start(ride, &agent->pose);
-    agent->drive_turn = ride->turn;
+    agent->fault = sf_fault_at_start(ride);
     if (agent->fault || ride->turns) return;
     bool sure = sf_clock_within(&agent->clock, ride->clock_ms - CLOCK_RESERVE_MS);
     agent->unsure = sure ? R(0) : agent->unsure + agent->passed;
@@ -272,23 +267,16 @@ static void try_to_arm(sf_agent *agent, sf_course *ride) {
 }
 
 static void drive(sf_agent *agent, sf_course *ride) {
-    sf_locate(ride, &agent->pose);
     if (agent->phase == SF_MOVING) {
-        uint8_t fault = sf_turn_before_start(ride, &agent->pose);
-        agent->drive_turn = ride->turn;
+        uint8_t fault = sf_turn_before_start(ride);
         sf_real now = time_now(agent, ride, ride->time + agent->passed);
         fault |= sf_trouble(ride); /* Either is SF_OFF_PATH. */
         if (fault != SF_NO_FAULT) fail(agent, fault);
         else if (sf_arrived(ride)) apply(agent, ARRIVED);
         else sf_keep_to_plan(ride, now);
     }
-    if (agent->phase == SF_BRAKING) {
-        sf_keep_braking(ride);
-        if (sf_rests(ride, &agent->pose)) apply(agent, sf_at_goal(ride) ? ARRIVED : AT_REST);
-    }
-    agent->drive_speed = ride->speed;
-    agent->drive_distance = ride->distance;
-    agent->drive_curvature = ride->curvature;
+    if (agent->phase == SF_BRAKING && sf_brakes_to_rest(ride))
+        apply(agent, sf_at_goal(ride) ? ARRIVED : AT_REST);
 }
 
 /* Leave the course for the newer one, and return that. */
@@ -323,31 +311,34 @@ static void decide(sf_agent *agent) {
     sf_course *ride = agent->ride;
     if (agent->phase == SF_ARMED && !knows_time(agent, ride)) disarm(agent);
     if (agent->coming) ride = on_course(agent);
-    if (agent->phase == SF_IDLE) {
-        try_to_arm(agent, ride);
-    } else if (sf_is_on_its_way(agent)) {
-        drive(agent, ride);
-    } else if (agent->phase == SF_DONE) {
-        sf_locate(ride, &agent->pose);
-        if (sf_has_left_goal(ride)) fail(agent, SF_OFF_PATH);
-    }
+    if (agent->phase == SF_ARMED || agent->phase == SF_FROZEN) return;
+    sf_locate(ride, &agent->pose); /* If it fails before it sets out, it rests there. */
+    ride->turn = R(0);
+    if (agent->phase == SF_IDLE) try_to_arm(agent, ride);
+    else if (agent->phase != SF_DONE) drive(agent, ride);
+    else if (!sf_is_near_goal(ride)) fail(agent, SF_OFF_PATH);
+    agent->drive_speed = ride->speed; /* Of one that does not drive, all but the turn are 0. */
+    agent->drive_curvature = ride->curvature;
+    agent->drive_distance = ride->distance;
+    agent->drive_turn = ride->turn;
 }
 
 void sf_tick(sf_agent *agent, int64_t now_ns, sf_real x, sf_real y, sf_real heading) {
     int64_t passed_ns = now_ns - agent->ticked_ns;
+    agent->has_pose = x == x;
+    agent->pose = (sf_pose){{x, y}, heading};
+    if (!agent->has_pose) memset(&agent->pose, 0, sizeof agent->pose);
     agent->clock.now_ns = agent->ticked_ns = now_ns;
     bool late = passed_ns > LATE_TICK && passed_ns > 2 * ROBOT(agent)->period_ns;
     if (late) sf_clock_doubt(&agent->clock); /* It hung. */
     agent->passed = sf_least(sf_positive(sf_seconds_of_ns(passed_ns)), HOLD_OUT);
-    agent->has_pose = x == x;
-    agent->pose = (sf_pose){{x, y}, heading};
-    if (!agent->has_pose) memset(&agent->pose, 0, sizeof agent->pose);
     sf_clock_follow(&agent->clock, sf_is_on_its_way(agent));
     agent->drive_speed = agent->drive_curvature = agent->drive_distance = agent->drive_turn = R(0);
     if (agent->ride) decide(agent);
-    sf_read_plan(agent, SF_WORK); /* Last, so that no tick takes a course and changes to it. */
+    /* Last, so that no tick takes a course and changes to it. */
+    sf_read_plan(&agent->plan, agent, SF_WORK);
 }
 
-bool sf_may_leave(const sf_agent *agent) { return agent->finished || agent->refused; }
+bool sf_may_leave(const sf_agent *agent) { return agent->finished | agent->refused; }
 
 #include "core_end.h"

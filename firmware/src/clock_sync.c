@@ -39,21 +39,20 @@ static int64_t *question(sf_clock *clock, int64_t sent_ns) {
     return NULL;
 }
 
-SHARED static void doubt(sf_clock *clock) {
+SHARED static void doubt(sf_clock *clock, bool compares) {
+    clock->compares = compares;
     clock->since_ns = clock->now_ns;
     clock->asked_ns = -SF_UNKNOWN;
     clock->good = clock->asked = 0;
 }
 
 void sf_clock_start_over(sf_clock *clock) {
-    doubt(clock);
-    clock->compares = clock->slewing = false;
+    clock->slewing = false;
+    doubt(clock, false);
 }
 
 void sf_clock_doubt(sf_clock *clock) {
-    if (clock->good == 0) return;
-    doubt(clock);
-    clock->compares = true;
+    if (clock->good > 0) doubt(clock, true);
 }
 
 bool sf_clock_add(sf_clock *clock, const sf_answer *answer) {

@@ -69,6 +69,7 @@ sf_real sf_most(sf_real a, sf_real b);
 sf_real sf_positive(sf_real value); /* or 0 */
 static inline sf_real sf_length(sf_real x, sf_real y) { return SF_SQRT(x * x + y * y); }
 sf_real sf_clamp(sf_real value, sf_real low, sf_real high);
+sf_real sf_within(sf_real value, sf_real most); /* on either side of 0 */
 /* Of times that may be centuries apart, where somebody sends absurd stamps: wraps around.  Stamps are at
    most 2^62 and the robot's own times below 2^61, so that other differences do not overflow. */
 static inline int64_t sf_difference(int64_t a, int64_t b) {
@@ -82,32 +83,29 @@ sf_real sf_seconds_of_ns(int64_t ns);
 enum { FAILED, AGAIN, NEXT }; /* what a piece of work on a Plan says of its stage */
 
 /* curve.c */
-int sf_curve_begin(sf_plan *plan, sf_curve *curve); /* of plan->parts spans */
-sf_real sf_on_curve(const sf_curve *curve, sf_real s); /* s, limited to the curve's length */
-int sf_measure_cell(sf_plan *plan, sf_curve *curve);
-void sf_curve_place(sf_curve *curve, sf_real s);
+int sf_curve_begin(sf_plan *plan, sf_course *course); /* of plan->parts spans */
+sf_real sf_on_curve(const sf_course *course, sf_real s); /* s, limited to the curve's length */
+int sf_measure_cell(sf_plan *plan, sf_course *course);
+void sf_curve_place(sf_course *course, sf_real s);
 
 /* timeline.c */
 
 sf_real sf_slope(const sf_knot *leg); /* how the square of the speed grows, by arc length */
-bool sf_timeline_leg(sf_timeline *line); /* adds the leg to the next knot, from `finish` on */
-sf_real sf_s_at(sf_timeline *line, sf_real time); /* and the speed there, to line->v */
-sf_real sf_time_at(const sf_timeline *line, sf_real s);
-sf_real sf_rest_until(sf_timeline *line, sf_real time);
-
-/* How far two places are from each other, and by what angle directions differ there. */
-typedef struct {
-    sf_real off, turn;
-} sf_apart;
+bool sf_timeline_leg(sf_course *course); /* adds the leg to the next knot, from `finish` on */
+sf_real sf_s_at(sf_course *course, sf_real time); /* and the speed there, to timeline.v */
+sf_real sf_time_at(const sf_course *course, sf_real s);
+sf_real sf_rest_until(sf_course *course, sf_real time);
 
 /* steering.c: the curve of a follower is that of its course */
-sf_apart sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there);
-sf_apart sf_start_from(sf_course *course, const sf_pose *pose); /* the turn that is needed */
+/* The turn at a joint, and the one needed at a start; how far off that is, is the last one's seen_off. */
+sf_real sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there);
+sf_real sf_start_from(sf_course *course, const sf_pose *pose);
 void sf_locate(sf_course *course, const sf_pose *pose);
 void sf_find(sf_course *course);
 sf_real sf_away_from(sf_course *course, sf_real s);
-void sf_offset(const sf_follower *follower, sf_rest *rest);
-void sf_steer(sf_course *course); /* the curvature for the speed, which tight bends lower */
+void sf_offset(const sf_course *course, sf_rest *rest);
+/* Drive on, by a distance at most: the curvature for the speed, which tight bends lower. */
+void sf_steer(sf_course *course, sf_real distance);
 
 /* ride.c */
 int sf_ride_begin(const sf_plan *plan, sf_course *course, const sf_robot *robot);
@@ -118,17 +116,16 @@ bool sf_rests_where(const sf_course *course, sf_course *coming);
 void sf_end_with(sf_course *course, sf_course *coming);
 bool sf_is_over(sf_course *course, sf_course *coming, sf_real now, bool at_goal);
 void sf_follow(sf_course *course, sf_course *before);
-uint8_t sf_turn_before_start(sf_course *course, const sf_pose *pose);
+uint8_t sf_turn_before_start(sf_course *course);
 void sf_reckon(sf_course *course, int64_t now_ms);
-uint8_t sf_fault_at_start(sf_course *course, const sf_pose *pose); /* or a turn */
+uint8_t sf_fault_at_start(sf_course *course); /* or a turn */
 uint8_t sf_trouble(sf_course *course);
 bool sf_arrived(const sf_course *course);
 bool sf_at_goal(const sf_course *course);
-bool sf_has_left_goal(const sf_course *course);
+bool sf_is_near_goal(const sf_course *course);
 void sf_keep_to_plan(sf_course *course, sf_real now);
 void sf_begin_to_brake(sf_course *course);
-void sf_keep_braking(sf_course *course);
-bool sf_rests(sf_course *course, const sf_pose *pose);
+bool sf_brakes_to_rest(sf_course *course); /* brakes on; whether it rests */
 void sf_stand(sf_course *course);
 
 /* clock_sync.c: all of it at clock->now_ns */
@@ -172,9 +169,9 @@ static inline bool sf_is_on_its_way(const sf_agent *agent) {
     return agent->phase == SF_MOVING || agent->phase == SF_BRAKING;
 }
 
-/* plan.c */
-bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length); /* keeps `bytes` */
-void sf_read_plan(sf_agent *agent, int work); /* goes on with the Plan that is being read */
+/* plan.c: `plan` is the agent's */
+bool sf_hear_plan(sf_plan *plan, const uint8_t *bytes, size_t length); /* keeps `bytes` */
+void sf_read_plan(sf_plan *plan, sf_agent *agent, int work); /* goes on with the Plan that is being read */
 
 /* reader.c */
 typedef struct {

@@ -18,11 +18,11 @@ static const sf_real GAUSS[5][2] = {
 
 /* Expand one axis of the span that begins at a knot in powers of u minus that: De Boor's algorithm on
    polynomials instead of numbers. */
-static void expand(const sf_curve *curve, int axis, const sf_real *knot, sf_real *powers) {
+static void expand(const sf_course *course, int axis, const sf_real *knot, sf_real *powers) {
     enum { ROW = SF_DEGREE + 1 };
-    int degree = curve->degree, level = 1;
+    int degree = course->degree, level = 1;
     sf_real rows[ROW * ROW];
-    const sf_real *point = curve->points[axis] + (knot - curve->knots) - degree;
+    const sf_real *point = course->points[axis] + (knot - course->knots) - degree;
     for (int i = 0; i <= degree; i++) rows[ROW * i] = *point++;
     do {
         int i = degree;
@@ -43,7 +43,8 @@ static void expand(const sf_curve *curve, int axis, const sf_real *knot, sf_real
 }
 
 /* The polynomials at u, from the two that are kept or newly expanded into the older one. */
-static sf_piece *piece_at(sf_curve *curve, sf_real u) {
+static sf_piece *piece_at(sf_course *course, sf_real u) {
+    sf_curve *curve = &course->curve;
     sf_piece *piece = curve->piece;
     const sf_real *knot = curve->knot;
     while (knot + 1 < curve->end && u >= knot[1]) knot++;
@@ -55,19 +56,19 @@ static sf_piece *piece_at(sf_curve *curve, sf_real u) {
     piece = curve->piece;
     if (piece->knot == knot) return piece;
     piece->knot = knot;
-    for (int axis = 0; axis < curve->axes; axis++)
-        expand(curve, axis, knot, piece->powers[axis]);
+    for (int axis = 0; axis < course->axes; axis++)
+        expand(course, axis, knot, piece->powers[axis]);
     return piece;
 }
 
 /* Each axis's polynomial and its derivative, by Horner's rule; the weight's first, by which the
    others are divided. */
-SHARED static void evaluate(sf_curve *curve, sf_real u) {
-    const sf_piece *piece = piece_at(curve, u);
-    sf_real t = u - *piece->knot, *at = curve->at, *slope = curve->slope;
-    int axes = curve->axes, axis = axes;
+SHARED static void evaluate(sf_course *course, sf_real u) {
+    const sf_piece *piece = piece_at(course, u);
+    sf_real t = u - *course->curve.knot, *at = course->curve.at, *slope = course->curve.slope;
+    int axes = course->axes, axis = axes;
     do {
-        const sf_real *first = piece->powers[--axis], *power = first + curve->degree;
+        const sf_real *first = piece->powers[--axis], *power = first + course->degree;
         sf_real value = *power, rate = R(0);
         do {
             rate = rate * t + value;
@@ -82,55 +83,59 @@ SHARED static void evaluate(sf_curve *curve, sf_real u) {
     } while (axis > 0);
 }
 
-SHARED sf_real sf_on_curve(const sf_curve *curve, sf_real s) {
-    return sf_clamp(s, R(0), curve->length);
+SHARED sf_real sf_on_curve(const sf_course *course, sf_real s) {
+    return sf_clamp(s, R(0), course->curve.length);
 }
 
-void sf_curve_place(sf_curve *curve, sf_real s) {
-    s = sf_on_curve(curve, s);
+void sf_curve_place(sf_course *course, sf_real s) {
+    sf_curve *curve = &course->curve;
+    s = sf_on_curve(course, s);
     const sf_cell *cell = curve->cell; /* The search starts at the one found last. */
     while (cell + 1 < curve->last && s >= cell[1].s) cell++;
-    while (cell > curve->table && s < cell->s) cell--;
+    while (cell > course->table && s < cell->s) cell--;
     curve->cell = cell;
     sf_real size = cell[1].s - cell->s, part = (s - cell->s) / size, rest = R(1) - part;
     sf_real m0 = (sf_real)cell->slope * size, m1 = (sf_real)cell[1].slope * size;
     sf_real value = rest * rest * ((R(1) + R(2) * part) * cell->u + part * m0);
     sf_real more = (R(3) - R(2) * part) * cell[1].u - rest * m1;
     value += part * part * more;
-    evaluate(curve, sf_least(sf_positive(value), *curve->end));
+    evaluate(course, sf_least(sf_positive(value), *curve->end));
 }
 
-SHARED static sf_real speed(sf_curve *curve, sf_real u) {
-    evaluate(curve, u);
-    return sf_length(curve->slope[SF_X], curve->slope[SF_Y]);
+SHARED static sf_real speed(sf_course *course, sf_real u) {
+    const sf_real *slope = course->curve.slope;
+    evaluate(course, u);
+    return sf_length(slope[SF_X], slope[SF_Y]);
 }
 
 /* The cell that ends the table: its parameter, arc length, and slope. */
-SHARED static void end_table(sf_curve *curve, sf_real u, sf_real s) {
-    sf_cell *cell = curve->last;
+SHARED static void end_table(sf_course *course, sf_real u, sf_real s) {
+    sf_cell *cell = course->curve.last;
     cell->u = u;
     cell->s = s;
-    cell->slope = (float)(R(1) / sf_most(speed(curve, u), R(1e-9)));
+    cell->slope = (float)(R(1) / sf_most(speed(course, u), R(1e-9)));
 }
 
-int sf_curve_begin(sf_plan *plan, sf_curve *curve) {
-    const sf_real *knot = curve->knots + curve->degree;
+int sf_curve_begin(sf_plan *plan, sf_course *course) {
+    sf_curve *curve = &course->curve;
+    const sf_real *knot = course->knots + course->degree;
     unsigned spans = plan->parts, parts = SF_CELLS / spans, enough = MOST_CELLS / spans;
     if (enough < LEAST_CELLS_PER_SPAN) enough = LEAST_CELLS_PER_SPAN;
     if (SF_CELLS > MOST_CELLS && parts > enough) parts = enough;
     plan->parts = parts < CELLS_PER_SPAN ? parts : CELLS_PER_SPAN;
     plan->knot = knot + 1;
-    curve->cell = curve->last = curve->table;
-    curve->piece = &curve->pieces[0];
-    curve->spare = &curve->pieces[1];
+    curve->cell = curve->last = course->table;
+    curve->piece = &course->pieces[0];
+    curve->spare = &course->pieces[1];
     curve->piece->knot = curve->spare->knot = NULL;
     curve->knot = knot;
-    curve->end = curve->knots + curve->count;
-    end_table(curve, R(0), R(0));
+    curve->end = course->knots + course->count;
+    end_table(course, R(0), R(0));
     return NEXT;
 }
 
-int sf_measure_cell(sf_plan *plan, sf_curve *curve) {
+int sf_measure_cell(sf_plan *plan, sf_course *course) {
+    sf_curve *curve = &course->curve;
     const sf_real *knot = plan->knot;
     curve->length = curve->last->s;
     if (knot > curve->end) return NEXT;
@@ -142,11 +147,11 @@ int sf_measure_cell(sf_plan *plan, sf_curve *curve) {
         plan->knot++;
     }
     sf_real middle = R(0.5) * (u0 + u1), half = R(0.5) * (u1 - u0);
-    for (int i = 0; i < 5; i++) size += GAUSS[i][1] * speed(curve, middle + half * GAUSS[i][0]);
+    for (int i = 0; i < 5; i++) size += GAUSS[i][1] * speed(course, middle + half * GAUSS[i][0]);
     sf_real end = curve->length + half * size;
     if (end > curve->length) { /* A cell so short that its length is lost is none. */
         curve->last++;
-        end_table(curve, u1, end);
+        end_table(course, u1, end);
     }
     return AGAIN;
 }

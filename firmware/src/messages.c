@@ -40,24 +40,23 @@ static const sf_field CLOCK_FIELDS[] = {
 };
 static const sf_field REFUSAL_FIELDS[] = {{SF_U32, 0}, END};
 
-/* Begin a list that may be left out: return its length, and how many elements are left behind it. */
-SHARED static uint32_t open_list(sf_reader *reader, uint32_t most, uint32_t *left) {
+/* Begin a list that may be left out, whose elements are made of so many values each: its length. */
+SHARED static uint32_t open_list(sf_reader *reader, uint32_t most, uint32_t values) {
     uint32_t count = reader->left ? sf_get_array(reader) : 0;
-    *left = reader->left;
     if (count > most) reader->bad = true;
-    reader->left = UINT32_MAX;
-    return reader->bad ? 0 : count;
+    if (reader->bad) return 0;
+    reader->left += values * count;
+    return count;
 }
 
 static bool hear_command(sf_agent *agent, sf_reader *reader) {
     sf_command command = {.last = UINT32_MAX};
     sf_granted *const end = command.granted + 2, *one;
-    uint32_t left;
     held pair;
     command.granted[0].number = agent->number;
     command.granted[1].number = agent->next_number;
     const sf_field *fields = sf_get_fields(reader, &command, COMMAND_FIELDS);
-    for (uint32_t count = open_list(reader, MOST_HELD, &left); count > 0; count--) {
+    for (uint32_t count = open_list(reader, MOST_HELD, 3); count > 0; count--) {
         if (sf_get_array(reader) != 2) return false;
         sf_get_fields(reader, &pair, HELD_FIELDS);
         for (one = command.granted; one < end; one++)
@@ -66,22 +65,20 @@ static bool hear_command(sf_agent *agent, sf_reader *reader) {
                 one->said = true;
             }
     }
-    reader->left = left;
     fields = sf_get_fields(reader, &command, fields);
-    for (uint32_t count = open_list(reader, MOST_WANTED, &left); count > 0; count--) {
+    for (uint32_t count = open_list(reader, MOST_WANTED, 1); count > 0; count--) {
         sf_get_text(reader);
         if (!sf_is_id(reader)) return false;
         if (sf_is_named(reader, ROBOT(agent)->id)) command.order.asks = true;
     }
-    reader->left = left;
     sf_get_fields(reader, &command, fields);
     if (!sf_close(reader) || command.order.phase > STOP) return false;
     if (agent->newest_term == command.order.term && agent->newest_boot == command.order.boot &&
-        agent->newest_sequence >= command.order.sequence)
+        agent->next_sequence > command.order.sequence)
         return true;
     agent->newest_term = command.order.term;
     agent->newest_boot = command.order.boot;
-    agent->newest_sequence = command.order.sequence;
+    agent->next_sequence = (int64_t)command.order.sequence + 1;
     int64_t plan_ns = sf_difference(command.said_ns, command.start_ns);
     int64_t all_ms = sf_floor_ratio(plan_ns, MILLISECOND) + command.headroom_ms;
     for (one = command.granted; one < end; one++) {
@@ -121,7 +118,10 @@ bool sf_hear(sf_agent *agent, int kind, const uint8_t *bytes, size_t length, int
     if (tag == REFUSAL) return kind == SF_PLAN && hear_refusal(agent, &reader);
     if (tag != kind) return false;
     switch (tag) {
-    case PLAN: return sf_hear_plan(agent, bytes, length);
+    case PLAN:
+        if (!sf_hear_plan(&agent->plan, bytes, length)) return false;
+        while (SF_WORK == 0 && sf_is_reading(agent)) sf_read_plan(&agent->plan, agent, 1);
+        return true;
     case COMMAND: return hear_command(agent, &reader);
     case CLOCK: return hear_clock(agent, &reader);
     default: return false;
@@ -210,7 +210,7 @@ static uint8_t *put_hello(uint8_t *at, const sf_agent *agent) {
 static uint8_t *put_report(uint8_t *at, sf_agent *agent) {
     const sf_rest *rest = &agent->rest;
     sf_course *ride = agent->ride;
-    bool moves = agent->phase == SF_MOVING, on_course = moves || agent->phase == SF_DONE;
+    uint32_t late = 0;
     at = put_count(put_tag(at, 11, REPORT), ROBOT(agent)->boot);
     at = put_count(put_count(at, ++agent->report_sequence), agent->epoch);
     at = put_byte(put_byte(at, agent->phase), agent->fault);
@@ -222,13 +222,14 @@ static uint8_t *put_report(uint8_t *at, sf_agent *agent) {
         at = put_byte(at, NIL);
     }
     agent->rest.tell = false;
-    if (on_course) {
+    if (agent->phase == SF_MOVING || agent->phase == SF_DONE) {
         sf_reckon(ride, sf_plan_time_ms(agent, ride));
         at = put_int(at, ride->stamp_ms);
+        if (agent->phase == SF_MOVING) late = ride->late;
     } else {
         at = put_byte(at, NIL);
     }
-    at = put_count(at, on_course && moves ? ride->late : 0);
+    at = put_count(at, late);
     return put_count(put_count(at, agent->revision), agent->holds);
 }
 

@@ -11,6 +11,8 @@ SHARED sf_real sf_clamp(sf_real value, sf_real low, sf_real high) {
     return sf_least(sf_most(value, low), high);
 }
 
+sf_real sf_within(sf_real value, sf_real most) { return sf_clamp(value, -most, most); }
+
 int64_t sf_floor_ratio(int64_t a, int64_t b) {
     int64_t ratio = a / b;
     return a % b < 0 ? ratio - 1 : ratio;

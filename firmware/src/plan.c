@@ -12,10 +12,10 @@ enum { NONE, FIELDS, CHECKSUM, NUMBERS, BEGIN, CURVE, MEASURE, SPEED_KNOTS, STOP
 
 enum { POINTS, KNOTS, WEIGHTS, SPEEDS, PROFILE, PACKED_STOPS, FIELDS_PACKED };
 
-/* Of each packed field: the bytes of one element, and from one float32 to the next. */
-static const uint8_t SIZES[FIELDS_PACKED][2] = {{8, 4}, {4, 4}, {4, 4}, {4, 4}, {5, 5}, {12, 12}};
+enum { SEAL_BYTES = 5, POINT_BYTES = 8, STOP_BYTES = 12, MOST_PACKED = 3600 };
 
-enum { SEAL_BYTES = 5, STOP_BYTES = 12, MOST_PACKED = 3600 };
+/* The bytes of one element of each packed field.  It begins with a float32; a point is two. */
+static const uint8_t SIZES[FIELDS_PACKED] = {POINT_BYTES, 4, 4, 4, 5, STOP_BYTES};
 
 #define FIELD(kind, name) {(kind), offsetof(sf_plan, name)}
 static const sf_field PLAN_FIELDS[] = {
@@ -55,9 +55,9 @@ static int read_fields(sf_plan *plan, const sf_robot *robot) {
     sf_get_fields(&reader, plan, fields);
     if ((uint64_t)plan->tau_ns > 1000 * SECOND || plan->clock_ms < 1) return FAILED;
     if ((plan->track_mm | plan->clock_ms) > UINT16_MAX) return FAILED;
-    if (plan->degree < 1 || plan->degree > SF_DEGREE) return FAILED;
+    if (plan->degree - 1 >= SF_DEGREE) return FAILED; /* less than 1, or too high */
     for (int field = 0; field < FIELDS_PACKED; field++) {
-        unsigned size = SIZES[field][0];
+        unsigned size = SIZES[field];
         sf_get_bytes(&reader);
         if (reader.length > MOST_PACKED || reader.length % size) return FAILED;
         plan->packed[field] = reader.content;
@@ -87,9 +87,10 @@ static int check_sum(sf_plan *plan) {
 
 /* Check the next numbers of the packed fields, `at` bytes into field `stop`. */
 static int check_numbers(sf_plan *plan) {
-    unsigned field = plan->stop, at = plan->at, end = plan->counts[field] * SIZES[field][0];
+    unsigned field = plan->stop, at = plan->at, size = SIZES[field];
+    unsigned end = plan->counts[field] * size, step = size == POINT_BYTES ? 4 : size;
     const uint8_t *packed = plan->packed[field];
-    for (int i = 0; at < end; i++, at += SIZES[field][1]) {
+    for (int i = 0; at < end; i++, at += step) {
         if (i == 16) {
             plan->at = at;
             return AGAIN;
@@ -106,19 +107,17 @@ static int begin(sf_plan *plan, sf_agent *agent) {
     if (!sf_takes_plan(agent, plan)) return FAILED;
     sf_course *course = &agent->courses[agent->ride == &agent->courses[0]];
     sf_timeline *line = &course->timeline;
-    sf_curve *curve = &course->curve;
     plan->course = course;
-    memset(course, 0, offsetof(sf_course, timeline));
+    memset(course, 0, offsetof(sf_course, pieces));
     course->begin_ms = plan->begin_ms;
 #ifndef SF_DOUBLE
     course->origin_ms = plan->begin_ms;
 #endif
     course->begin = course->time = line->finish = sf_time_of_ms(course, plan->begin_ms);
-    line->most_v = R(0);
-    line->leg = line->next = line->knots = line->end = course->knots;
-    curve->degree = (uint8_t)plan->degree;
-    curve->axes = plan->degree == 3 ? SF_WEIGHT : SF_AXES;
-    curve->count = plan->counts[POINTS];
+    line->leg = line->next = line->knots = line->end = course->legs;
+    course->degree = (uint8_t)plan->degree;
+    course->axes = plan->degree == 3 ? SF_WEIGHT : SF_AXES;
+    course->count = plan->counts[POINTS];
     return NEXT;
 }
 
@@ -131,9 +130,9 @@ static bool fits(const sf_plan *plan) {
 }
 
 /* Read one more knot and control point; count the spans in plan->parts. */
-SHARED static int read_curve(sf_plan *plan, sf_curve *curve) {
-    unsigned i = plan->at++, degree = plan->degree, count = curve->count;
-    sf_real *knot = &curve->knots[i];
+SHARED static int read_curve(sf_plan *plan, sf_course *course) {
+    unsigned i = plan->at++, degree = plan->degree, count = course->count;
+    sf_real *knot = &course->knots[i];
     if (i == 0 && !fits(plan)) return FAILED;
     *knot = R(0);
     if (i > degree) {
@@ -146,16 +145,17 @@ SHARED static int read_curve(sf_plan *plan, sf_curve *curve) {
         const uint8_t *point = plan->packed[POINTS] + 8 * i;
         sf_real weight = plan->counts[WEIGHTS] ? real(plan->packed[WEIGHTS] + 4 * i) : R(1);
         if (!(weight > R(0))) return FAILED;
-        if (weight != R(1)) curve->axes = SF_AXES;
-        curve->points[SF_X][i] = real(point) * weight;
-        curve->points[SF_Y][i] = real(point + 4) * weight;
-        curve->points[SF_WEIGHT][i] = weight;
+        if (weight != R(1)) course->axes = SF_AXES;
+        course->points[SF_X][i] = real(point) * weight;
+        course->points[SF_Y][i] = real(point + 4) * weight;
+        course->points[SF_WEIGHT][i] = weight;
     }
     return i < count + degree ? AGAIN : NEXT;
 }
 
 /* Add a speed knot behind the others, or where it belongs if they are sorted. */
-SHARED static bool add_knot(sf_timeline *line, sf_real s, sf_real v, bool sorted) {
+SHARED static bool add_knot(sf_course *course, sf_real s, sf_real v, bool sorted) {
+    sf_timeline *line = &course->timeline;
     sf_knot *knot = line->end;
     if (knot > line->knots + SF_LEGS) return false;
     line->end++;
@@ -168,24 +168,26 @@ SHARED static bool add_knot(sf_timeline *line, sf_real s, sf_real v, bool sorted
     return true;
 }
 
-static int read_speed(sf_plan *plan, sf_timeline *line) {
+static int read_speed(sf_plan *plan, sf_course *course) {
     if (plan->at == plan->counts[PROFILE]) return NEXT;
     const uint8_t *knot = plan->packed[PROFILE] + 5 * plan->at++;
     sf_real v = real(plan->packed[SPEEDS] + 4 * knot[4]);
     if (!(v >= R(0)) || !(v < R(1e3))) return FAILED;
-    return add_knot(line, real(knot), v, plan->brake_mmps2 > 0) ? AGAIN : FAILED;
+    return add_knot(course, real(knot), v, plan->brake_mmps2 > 0) ? AGAIN : FAILED;
 }
 
 /* Where a robot brakes, its stops are speed knots. */
-static int read_stop(sf_plan *plan, sf_timeline *line) {
+static int read_stop(sf_plan *plan, sf_course *course) {
+    const sf_timeline *line = &course->timeline;
     if (!plan->brake_mmps2 || plan->at == plan->counts[PACKED_STOPS])
         return line->end >= line->knots + 2 && line->knots[0].s == R(0) ? NEXT : FAILED;
     sf_real s = real(stop_at(plan, plan->at++));
-    return !(s > R(0)) || add_knot(line, s, R(0), true) ? AGAIN : FAILED;
+    return !(s > R(0)) || add_knot(course, s, R(0), true) ? AGAIN : FAILED;
 }
 
 /* Add the legs up to the next speed knot, with the stops between. */
-SHARED static int add_legs(sf_plan *plan, sf_timeline *line) {
+SHARED static int add_legs(sf_plan *plan, sf_course *course) {
+    sf_timeline *line = &course->timeline;
     const sf_knot *leg = line->next;
     line->length = leg->s;
     line->most_v = sf_most(line->most_v, leg->v);
@@ -199,14 +201,14 @@ SHARED static int add_legs(sf_plan *plan, sf_timeline *line) {
         leg = line->next;
         if (s > leg->s) {
             sf_real v = SF_SQRT(sf_positive(leg->v * leg->v + slope * (s - leg->s)));
-            if (!add_knot(line, s, v, true) || !sf_timeline_leg(line)) return FAILED;
+            if (!add_knot(course, s, v, true) || !sf_timeline_leg(course)) return FAILED;
         }
-        int64_t origin_ns = plan->course->origin_ms * MILLISECOND;
+        int64_t origin_ns = course->origin_ms * MILLISECOND;
         sf_real departs = sf_seconds_of_ns(sf_difference(departure_ns(stop), origin_ns));
         if (!(sf_abs(departs) < R(1e6))) return FAILED;
         line->finish = sf_most(line->finish, departs);
     }
-    return sf_timeline_leg(line) ? AGAIN : FAILED;
+    return sf_timeline_leg(course) ? AGAIN : FAILED;
 }
 
 /* Do one piece of the work on a Plan. */
@@ -217,27 +219,26 @@ SHARED static int work_on(sf_plan *plan, sf_agent *agent) {
     case CHECKSUM: return check_sum(plan);
     case NUMBERS: return check_numbers(plan);
     case BEGIN: return begin(plan, agent);
-    case CURVE: return read_curve(plan, &course->curve);
-    case MEASURE: return sf_curve_begin(plan, &course->curve);
-    case SPEED_KNOTS: return read_speed(plan, &course->timeline);
-    case STOPS: return read_stop(plan, &course->timeline);
-    case LEGS: return add_legs(plan, &course->timeline);
-    case CELLS: return sf_measure_cell(plan, &course->curve);
+    case CURVE: return read_curve(plan, course);
+    case MEASURE: return sf_curve_begin(plan, course);
+    case SPEED_KNOTS: return read_speed(plan, course);
+    case STOPS: return read_stop(plan, course);
+    case LEGS: return add_legs(plan, course);
+    case CELLS: return sf_measure_cell(plan, course);
     case RIDE: return sf_ride_begin(plan, course, ROBOT(agent));
     default: return NEXT;
     }
 }
 
-void sf_read_plan(sf_agent *agent, int work) {
+void sf_read_plan(sf_plan *plan, sf_agent *agent, int work) {
     static const uint8_t WORK[] = {
         [FIELDS] = 24, [CHECKSUM] = 20, [NUMBERS] = 6, [BEGIN] = 20, [CURVE] = 2, [MEASURE] = 40,
         [SPEED_KNOTS] = 1, [STOPS] = 2, [LEGS] = 4, [CELLS] = 12, [RIDE] = 40, [TAKE] = 40,
     };
-    sf_plan *plan = &agent->plan;
-    if (!sf_is_reading(agent)) return;
+    if (plan->stage == NONE) return;
     do {
         unsigned stage = plan->stage;
-        work -= stage == CELLS && plan->course->curve.axes == SF_AXES ? 24 : WORK[stage];
+        work -= stage == CELLS && plan->course->axes == SF_AXES ? 24 : WORK[stage];
         int done = work_on(plan, agent);
         if (done == AGAIN) continue;
         plan->at = plan->stop = 0;
@@ -246,15 +247,13 @@ void sf_read_plan(sf_agent *agent, int work) {
     } while (work > 0 && plan->stage != NONE && plan->stage <= CELLS); /* The rest takes a tick each. */
 }
 
-bool sf_hear_plan(sf_agent *agent, const uint8_t *bytes, size_t length) {
-    sf_plan *plan = &agent->plan;
-    if (sf_is_reading(agent) || length <= SEAL_BYTES) return false;
+bool sf_hear_plan(sf_plan *plan, const uint8_t *bytes, size_t length) {
+    if (plan->stage != NONE || length <= SEAL_BYTES) return false;
     memset(plan, 0, sizeof *plan);
     plan->bytes = bytes;
     plan->length = (uint16_t)length;
     plan->stage = FIELDS;
     plan->crc = UINT32_MAX;
-    while (SF_WORK == 0 && sf_is_reading(agent)) sf_read_plan(agent, 1);
     return true;
 }
 

@@ -10,6 +10,7 @@
 #define TIGHT R(25)
 #define MOST_TURN R(0.3)
 #define TIGHT_WAY R(0.04)
+#define PLACE_NOISE R(4e-3)
 #define LONGEST_STEP R(0.05)
 #define CLOSE_ENOUGH R(2e-4)
 #define STILL R(1e-9)
@@ -26,15 +27,15 @@ SHARED static sf_real angle(sf_real ax, sf_real ay, sf_real bx, sf_real by) {
 /* Evaluate the curve at s and store its direction, unless it has none there. */
 SHARED static void tangent_at(sf_course *course, sf_real s) {
     sf_follower *follower = &course->follower;
-    sf_curve *curve = &course->curve;
-    follower->still = false;
+    const sf_real *slope = course->curve.slope;
+    course->still = false;
     if (s == follower->tangent_s) return;
     follower->tangent_s = s;
-    sf_curve_place(curve, s);
-    sf_real dx = curve->slope[SF_X], dy = curve->slope[SF_Y], size = sf_length(dx, dy);
+    sf_curve_place(course, s);
+    sf_real dx = slope[SF_X], dy = slope[SF_Y], size = sf_length(dx, dy);
     if (size > R(1e-9)) {
-        follower->tx = dx / size;
-        follower->ty = dy / size;
+        follower->tangent[SF_X] = dx / size;
+        follower->tangent[SF_Y] = dy / size;
     }
 }
 
@@ -43,15 +44,20 @@ SHARED static sf_real see(sf_course *course, sf_real s, const sf_real *place) {
     sf_follower *follower = &course->follower;
     tangent_at(course, s);
     sf_real dx = place[SF_X] - course->curve.at[SF_X], dy = place[SF_Y] - course->curve.at[SF_Y];
-    sf_real tx = follower->tx, ty = follower->ty;
+    sf_real tx = follower->tangent[SF_X], ty = follower->tangent[SF_Y];
     follower->seen_lateral = dy * tx - dx * ty;
     follower->seen_along = dx * tx + dy * ty;
     return follower->seen_off = sf_length(dx, dy);
 }
 
+/* The same for the robot's last pose. */
+SHARED static sf_real see_robot(sf_course *course, sf_real s) {
+    return see(course, s, course->follower.pose.at);
+}
+
 SHARED static sf_real turn_from_tangent(const sf_course *course, const sf_real *way) {
     const sf_follower *follower = &course->follower;
-    return angle(follower->tx, follower->ty, way[SF_X], way[SF_Y]);
+    return angle(follower->tangent[SF_X], follower->tangent[SF_Y], way[SF_X], way[SF_Y]);
 }
 
 SHARED static void direction(sf_real heading, sf_real *way) {
@@ -65,21 +71,21 @@ bool sf_start_pose(sf_agent *agent, sf_real *x, sf_real *y, sf_real *heading) {
     tangent_at(course, R(0));
     *x = course->curve.at[SF_X];
     *y = course->curve.at[SF_Y];
-    *heading = SF_ATAN2(course->follower.ty, course->follower.tx);
+    *heading = SF_ATAN2(course->follower.tangent[SF_Y], course->follower.tangent[SF_X]);
     return true;
 }
 
-sf_apart sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there) {
-    const sf_follower *a = &course->follower, *b = &other->follower;
+sf_real sf_joint(sf_course *course, sf_real s, sf_course *other, sf_real there) {
     tangent_at(course, s);
-    sf_real off = see(other, there, course->curve.at);
-    return (sf_apart){off, angle(a->tx, a->ty, b->tx, b->ty)};
+    see(other, there, course->curve.at);
+    return turn_from_tangent(course, other->follower.tangent);
 }
 
-sf_apart sf_start_from(sf_course *course, const sf_pose *pose) {
-    sf_real off = see(course, R(0), pose->at), way[2];
+sf_real sf_start_from(sf_course *course, const sf_pose *pose) {
+    sf_real way[2];
+    see(course, R(0), pose->at);
     direction(pose->heading, way);
-    return (sf_apart){off, -turn_from_tangent(course, way)};
+    return -turn_from_tangent(course, way);
 }
 
 /* Let the robot be at follower->s, with its pose as it was seen last. */
@@ -93,7 +99,7 @@ SHARED static void take(sf_course *course) {
 
 /* See the last pose from where the robot is, and take that. */
 SHARED static void look(sf_course *course) {
-    see(course, course->follower.s, course->follower.pose.at);
+    see_robot(course, course->follower.s);
     take(course);
 }
 
@@ -101,9 +107,10 @@ SHARED static void look(sf_course *course) {
    heading error e counts 2 LED_OFF sin(e / 2) if it counts. */
 SHARED static bool go_nearer(sf_course *course, sf_real s) {
     sf_follower *follower = &course->follower;
-    s = sf_on_curve(&course->curve, s);
-    see(course, s, follower->pose.at);
-    sf_real along = follower->tx * follower->way[SF_X] + follower->ty * follower->way[SF_Y];
+    const sf_real *tangent = follower->tangent, *way = follower->way;
+    s = sf_on_curve(course, s);
+    see_robot(course, s);
+    sf_real along = tangent[SF_X] * way[SF_X] + tangent[SF_Y] * way[SF_Y];
     sf_real apart = follower->seen_off * follower->seen_off - follower->led * along;
     if (!(apart < follower->nearest)) return false;
     follower->nearest = apart;
@@ -130,53 +137,57 @@ SHARED static void search(sf_course *course, sf_real step) {
 void sf_locate(sf_course *course, const sf_pose *pose) {
     sf_follower *follower = &course->follower;
     sf_real x = pose->at[SF_X], y = pose->at[SF_Y], heading = pose->heading, began = follower->s, before;
-    if (follower->still && x == follower->pose.at[SF_X] && y == follower->pose.at[SF_Y] &&
+    if (course->still && x == follower->pose.at[SF_X] && y == follower->pose.at[SF_Y] &&
         heading == follower->pose.heading)
         return;
-    follower->still = false;
-    follower->located = sf_abs(x) + sf_abs(y) + sf_abs(heading) < R(1e9);
-    if (!follower->located) {
+    follower->pose = *pose;
+    course->still = false;
+    course->located = sf_abs(x) + sf_abs(y) + sf_abs(heading) < R(1e9);
+    if (!course->located) {
         follower->lateral = follower->off = SF_INF;
         return;
     }
-    follower->pose = *pose;
     direction(heading, follower->way);
     if (follower->clear < TIGHT_WAY) {
         look_near(course, R(2) * LED_OFF * LED_OFF);
-        search(course, R(2) * TIGHT_WAY);
+        search(course, R(3) * follower->clear + PLACE_NOISE);
     } else {
         int tries = 4;
+        bool near;
         do {
             before = follower->s;
-            see(course, before, pose->at);
-            sf_real step = sf_clamp(follower->seen_along, -LONGEST_STEP, LONGEST_STEP);
-            follower->s = sf_on_curve(&course->curve, before + step);
-        } while (--tries > 0 && !(sf_abs(follower->s - before) < CLOSE_ENOUGH));
+            see_robot(course, before);
+            sf_real step = sf_within(follower->seen_along, LONGEST_STEP);
+            follower->s = sf_on_curve(course, before + step);
+            near = sf_abs(follower->s - before) < CLOSE_ENOUGH;
+        } while (--tries > 0 && !near);
+        if (!near) see_robot(course, follower->s);
         take(course);
     }
-    follower->still = sf_abs(follower->s - began) < STILL;
+    course->still = sf_abs(follower->s - began) < STILL;
 }
 
 sf_real sf_away_from(sf_course *course, sf_real s) {
-    sf_real away = see(course, s, course->follower.pose.at);
+    sf_real away = see_robot(course, s);
     tangent_at(course, course->follower.s);
     return away;
 }
 
 void sf_find(sf_course *course) {
     sf_follower *follower = &course->follower;
-    sf_real place = sf_on_curve(&course->curve, follower->s - SEARCH_WAY), end = follower->s + SEARCH_WAY;
-    if (!follower->located) return;
+    if (!course->located) return;
     look(course);
     sf_real off = follower->off, lateral = follower->lateral;
     if (off * off <= lateral * lateral + BESIDE * BESIDE) return;
+    sf_real place = sf_on_curve(course, follower->s - SEARCH_WAY), end = follower->s + SEARCH_WAY;
     look_near(course, R(0));
     for (; place <= end; place += SEARCH_STEP) go_nearer(course, place);
     search(course, SEARCH_STEP);
 }
 
 /* The offset in a report; all zeros for a robot that is far away. */
-void sf_offset(const sf_follower *follower, sf_rest *rest) {
+void sf_offset(const sf_course *course, sf_rest *rest) {
+    const sf_follower *follower = &course->follower;
     rest->off = rest->turn = rest->beyond = 0;
     if (!(sf_abs(follower->lateral) + sf_abs(follower->beyond) < R(32))) return;
     rest->turn = (int16_t)sf_milli(follower->heading_error);
@@ -184,10 +195,10 @@ void sf_offset(const sf_follower *follower, sf_rest *rest) {
     rest->beyond = (int16_t)sf_milli(follower->beyond);
 }
 
-void sf_steer(sf_course *course) {
+void sf_steer(sf_course *course, sf_real distance) {
     sf_follower *follower = &course->follower;
-    bool still = follower->still;
-    sf_real bend = R(0), tx = follower->tx, ty = follower->ty, reach = SF_INF;
+    bool still = course->still;
+    sf_real bend = R(0), tx = follower->tangent[SF_X], ty = follower->tangent[SF_Y], reach = SF_INF;
     sf_real travel = course->speed * course->period; /* until the next tick */
     sf_real ahead = sf_most(travel, LEAST_LOOK_AHEAD);
     if (ahead > follower->clear) ahead = reach = follower->clear;
@@ -195,7 +206,7 @@ void sf_steer(sf_course *course) {
     if (ahead > CLOSE_ENOUGH) {
         for (;;) {
             tangent_at(course, follower->s + ahead);
-            bend = angle(tx, ty, follower->tx, follower->ty);
+            bend = angle(tx, ty, follower->tangent[SF_X], follower->tangent[SF_Y]);
             if (!(sf_abs(bend) > MOST_TURN) || !(ahead > LEAST_LOOK_AHEAD)) break;
             ahead = reach = R(0.5) * ahead;
         }
@@ -205,19 +216,19 @@ void sf_steer(sf_course *course) {
         else if (!still)
             follower->clear *= R(2);
         if (still) { /* The next `sf_locate` may leave all as it is. */
-            follower->tx = tx;
-            follower->ty = ty;
-            follower->still = true;
+            follower->tangent[SF_X] = tx;
+            follower->tangent[SF_Y] = ty;
+            course->still = true;
             follower->tangent_s = SF_INF;
         }
     }
-    if (follower->located) {
+    if (course->located) {
         sf_real rate = R(1) / sf_most(SETTLING_LENGTH, TICKS_TO_SETTLE * travel);
         bend -= rate * (rate * follower->lateral + R(2) * follower->heading_error);
     }
-    course->curvature = sf_clamp(bend, -SHARPEST, SHARPEST);
+    course->curvature = sf_within(bend, SHARPEST);
     if (travel > reach) course->speed = reach / course->period;
-    course->distance = sf_least(course->distance, R(2) * reach);
+    course->distance = sf_least(sf_positive(distance), R(2) * reach);
 }
 
 #include "core_end.h"

@@ -9,7 +9,8 @@ SHARED sf_real sf_slope(const sf_knot *leg) {
     return (leg[1].v * leg[1].v - leg->v * leg->v) / (leg[1].s - leg->s);
 }
 
-bool sf_timeline_leg(sf_timeline *line) {
+bool sf_timeline_leg(sf_course *course) {
+    sf_timeline *line = &course->timeline;
     sf_knot *leg = line->next;
     sf_real both = leg->v + leg[1].v, driven = leg[1].s - leg->s;
     if (!(both > R(0)) || !(driven > R(0))) return false;
@@ -22,7 +23,8 @@ bool sf_timeline_leg(sf_timeline *line) {
 static bool is_last(const sf_timeline *line, const sf_knot *leg) { return leg + 1 >= line->next; }
 
 /* The last leg that has begun, or the first if none has; the search starts at the one found last. */
-SHARED static const sf_knot *find(sf_timeline *line, sf_real time) {
+SHARED static const sf_knot *find(sf_course *course, sf_real time) {
+    sf_timeline *line = &course->timeline;
     const sf_knot *leg = line->leg;
     while (!is_last(line, leg) && time >= leg[1].t0) leg++;
     while (leg > line->knots && time < leg->t0) leg--;
@@ -30,8 +32,9 @@ SHARED static const sf_knot *find(sf_timeline *line, sf_real time) {
     return leg;
 }
 
-sf_real sf_s_at(sf_timeline *line, sf_real time) {
-    const sf_knot *leg = find(line, time);
+sf_real sf_s_at(sf_course *course, sf_real time) {
+    sf_timeline *line = &course->timeline;
+    const sf_knot *leg = find(course, time);
     sf_real passed = time - leg->t0, v = leg->v;
     line->v = R(0);
     if (time >= leg->t1) return leg[1].s;
@@ -41,7 +44,8 @@ sf_real sf_s_at(sf_timeline *line, sf_real time) {
     return leg->s + passed * (v + R(0.5) * rate * passed);
 }
 
-sf_real sf_time_at(const sf_timeline *line, sf_real s) {
+sf_real sf_time_at(const sf_course *course, sf_real s) {
+    const sf_timeline *line = &course->timeline;
     for (const sf_knot *leg = line->knots; leg < line->next; leg++) {
         if (!(s <= leg[1].s)) continue;
         sf_real passed = s - leg->s, v = leg->v;
@@ -51,10 +55,10 @@ sf_real sf_time_at(const sf_timeline *line, sf_real s) {
     return line->finish;
 }
 
-sf_real sf_rest_until(sf_timeline *line, sf_real time) {
-    const sf_knot *leg = find(line, time);
-    if (time < leg->t0) return leg->t0;
-    return time >= leg->t1 && !is_last(line, leg) ? leg[1].t0 : time;
+sf_real sf_rest_until(sf_course *course, sf_real time) {
+    const sf_knot *leg = find(course, time);
+    if (time >= leg->t1 && !is_last(&course->timeline, leg)) leg++;
+    return sf_most(time, leg->t0);
 }
 
 #include "core_end.h"

@@ -32,8 +32,10 @@ _MOST_TURN = 0.3
 [rad]."""
 
 _TIGHT_WAY = 0.04
-"""A robot is near a tight bend if it has seen one less than this far ahead [m], and is then looked
-for up to twice as far from its last place: a late tick lets it drive so far."""
+"""A robot is near a tight bend if it has seen one less than this far ahead [m]."""
+
+_PLACE_NOISE = 4e-3
+"""There it is sought as far from its last place as a late tick lets it drive, and this [m] more."""
 
 _LONGEST_STEP = 0.05
 _CLOSE_ENOUGH = 2e-4
@@ -113,7 +115,7 @@ class PathFollower:
         length, began = curve.length, s
         if self._clear < _TIGHT_WAY:
             self._look_near(s, LED_OFF)
-            self._search(2.0 * _TIGHT_WAY)
+            self._search(3.0 * self._clear + _PLACE_NOISE)
             s = self.s
         else:
             for _ in range(4):
@@ -131,6 +133,8 @@ class PathFollower:
                     s = length
                 if abs(s - before) < _CLOSE_ENOUGH:
                     break
+            else:
+                self._tangent_at(s)
             self._take(s)
         if abs(s - began) < _STILL:
             self._still_at, self._bend_travel = s, -inf
@@ -240,7 +244,7 @@ class PathFollower:
     def _turn_ahead(self, tx: float, ty: float, ahead: float) -> float:
         """Return by how much the path has turned [rad] from a direction at s + `ahead` [m]."""
         self._tangent_at(self.s + ahead)
-        return -self._turn_from_tangent(tx, ty)
+        return atan2(tx * self._ty - ty * self._tx, tx * self._tx + ty * self._ty)
 
     def _take(self, s: float) -> None:
         """Set the robot's place to s, which must be where the tangent was last evaluated."""

@@ -20,8 +20,8 @@ def test_state_fits_12_kilobytes():
     assert state_size() <= 12 * 1024
 
 
-def test_code_fits_13_and_a_half_kilobytes(files):
-    assert sum(code_size(files).values()) <= 13.5 * 1024
+def test_code_fits_13_kilobytes(files):
+    assert sum(code_size(files).values()) <= 13 * 1024
 
 
 def test_nothing_is_computed_in_double_precision(files):
