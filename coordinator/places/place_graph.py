@@ -117,9 +117,13 @@ def place_graph(
 
 
 def _space(floor: GrownFloor, reach: float, spare: float) -> Space:
-    """Return the space of robots whose starts and goals have so much to `spare` [m]."""
+    """Return the space of robots whose starts and goals have so much to `spare` [m].
+
+    Ways go around corners at a distance at which these can be rounded, even if there is none to
+    spare at an end.
+    """
     touch = min(max(spare - _FLUSH, 0.0), _TOUCH)
-    return Space(floor.ground(reach + touch), reach + 0.5 * touch - _FLUSH, 0.4 * touch)
+    return Space(floor.ground(reach + _TOUCH), reach + 0.5 * touch - _FLUSH, 0.4 * touch)
 
 
 def _spread(floor: GrownFloor, reach: float, spacing: float) -> Array:

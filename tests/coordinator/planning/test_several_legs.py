@@ -142,3 +142,28 @@ def test_few_robots_make_room_on_a_floor_that_is_hardly_large_enough(side, radiu
     document = plan_scenario(scenario)
     assert document.proof.holds
     assert complaints(to_json(document), scenario) == []
+
+
+@pytest.mark.parametrize("off", [0.0, 0.0001, 0.002])
+def test_robots_make_room_around_corners_where_one_stands_flush_with_a_wall(off):
+    """A corridor with a bay in its middle; what there is to spare at one end is none at corners."""
+    start, end = (0.15 + off, 0.15 + off), (2.83, 0.17)
+    swaps = ((start, end), (end, (0.17, 0.17)))
+    robots = tuple(
+        Robot(
+            id=f"R{number}", start=one, goal=other, radius=0.1,
+            max_speed=0.8, max_accel=0.8, max_lateral_accel=0.8,
+        )
+        for number, (one, other) in enumerate(swaps, 1)
+    )  # fmt: skip
+    floor = Workspace(
+        boundary=((0.0, 0.0), (3.0, 0.0), (3.0, 1.0), (0.0, 1.0)),
+        obstacles=(
+            ((0.0, 0.5), (1.3, 0.5), (1.3, 1.0), (0.0, 1.0)),
+            ((1.7, 0.5), (3.0, 0.5), (3.0, 1.0), (1.7, 1.0)),
+        ),
+    )
+    scenario = Scenario(name="bay", workspace=floor, robots=robots, margin=0.05)
+    document = plan_scenario(scenario)
+    assert document.proof.holds
+    assert complaints(to_json(document), scenario) == []
