@@ -64,7 +64,7 @@ def place_graph(
 ) -> Graph:
     """Return the graph for robots of a scenario, whose `radii` [m] are at most theirs.
 
-    Of places in between, `density` lie in the distance that two robots at rest keep.
+    Places in between are at least 1 / `density` of the distance apart that robots at rest keep.
     """
     robots, margin = scenario.robots, scenario.margin
     kinds, kind = np.unique(np.round(radii, 6), return_inverse=True)

@@ -44,7 +44,7 @@ _STEP: Final = 0.05
 """Where a robot is out of another one's way is looked for in such steps [m]."""
 
 _DENSITIES: Final = (1.0, 2.0, 3.0)
-"""Places are so many times nearer to each other than two robots at rest, tried in turn."""
+"""Densities of the places in between (place_graph), tried in turn for few robots."""
 
 _CLEARLY: Final = 0.6
 """If moves that start at times have less than this share of the sum of arrivals, moves in turn are

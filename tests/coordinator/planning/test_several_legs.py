@@ -11,6 +11,8 @@ from coordinator.planning import planner, several_legs
 from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import Robot, Scenario, Workspace
 from sim.floors.generator import RADIUS, generate
+from tests.crowds import crowd as crowd_of
+from tests.crowds import square
 from tests.oracles import complaints
 
 TEE = Workspace(
@@ -130,14 +132,8 @@ def test_where_a_fifth_of_the_floor_is_covered_plans_pass_their_proof(robots, se
     ],
 )  # fmt: skip
 def test_few_robots_make_room_on_a_floor_that_is_hardly_large_enough(side, radius, margin, trips):
-    robots = tuple(
-        Robot(
-            id=f"R{number}", start=start, goal=goal, radius=radius,
-            max_speed=0.8, max_accel=0.8, max_lateral_accel=0.8,
-        )
-        for number, (start, goal) in enumerate(trips, 1)
-    )  # fmt: skip
-    floor = Workspace(boundary=((0.0, 0.0), (side, 0.0), (side, side), (0.0, side)))
+    robots = crowd_of(trips, radius)
+    floor = Workspace(boundary=square(side))
     scenario = Scenario(name="small", workspace=floor, robots=robots, margin=margin)
     document = plan_scenario(scenario)
     assert document.proof.holds
@@ -146,16 +142,10 @@ def test_few_robots_make_room_on_a_floor_that_is_hardly_large_enough(side, radiu
 
 @pytest.mark.parametrize("off", [0.0, 0.0001, 0.002])
 def test_robots_make_room_around_corners_where_one_stands_flush_with_a_wall(off):
-    """A corridor with a bay in its middle; what there is to spare at one end is none at corners."""
+    """They swap the ends of a corridor and pass each other at a bay in its middle."""
     start, end = (0.15 + off, 0.15 + off), (2.83, 0.17)
     swaps = ((start, end), (end, (0.17, 0.17)))
-    robots = tuple(
-        Robot(
-            id=f"R{number}", start=one, goal=other, radius=0.1,
-            max_speed=0.8, max_accel=0.8, max_lateral_accel=0.8,
-        )
-        for number, (one, other) in enumerate(swaps, 1)
-    )  # fmt: skip
+    robots = crowd_of(swaps, 0.1)
     floor = Workspace(
         boundary=((0.0, 0.0), (3.0, 0.0), (3.0, 1.0), (0.0, 1.0)),
         obstacles=(

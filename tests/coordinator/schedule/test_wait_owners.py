@@ -7,9 +7,10 @@ import pytest
 from msgspec.structs import replace
 
 from coordinator.planning.planner import plan_scenario
-from coordinator.scenario.model import Robot, Scenario, Workspace
+from coordinator.scenario.model import Scenario, Workspace
 from coordinator.scenario_files.scenario_reader import read_scenario
 from sim.floors.generator import generate
+from tests.crowds import crowd, square
 from tests.oracle_waits import rests, share
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -53,18 +54,7 @@ def test_a_robot_may_rest_that_meets_nobody():
         ((0.596, 0.586), (0.52, 0.594)),
         ((0.246, 0.255), (0.169, 0.157)),
     ]
-    robots = tuple(
-        Robot(
-            id=f"R{number}",
-            start=start,
-            goal=goal,
-            radius=0.1,
-            max_speed=3.0,
-            max_accel=6.0,
-            max_lateral_accel=6.0,
-        )
-        for number, (start, goal) in enumerate(trips, 1)
-    )
-    floor = Workspace(boundary=((0.0, 0.0), (0.74, 0.0), (0.74, 0.74), (0.0, 0.74)))
+    robots = crowd(trips, 0.1, 3.0, 6.0)
+    floor = Workspace(boundary=square(0.74))
     scenario = Scenario(name="near each other", workspace=floor, robots=robots, margin=0.03)
     assert plan_scenario(scenario).proof.holds

@@ -88,12 +88,13 @@ def test_a_robot_outside_of_a_corner_tells_where_it_rests(turn):
 
 
 def test_a_robot_that_turns_on_the_spot_stays_where_it_is_on_its_path():
-    """It would be sought at the place of a bend to which its heading fits, if such were nearer."""
-    path = winding_path("llllll", 0.05)
+    """The path bends by 10 rad/m from its beginning; elsewhere on it the heading would fit."""
+    points = np.array([[0.0, 0.0], [0.05, 0.0], [0.05, 0.05]])
     for turned in np.linspace(-3.0, 3.0, 13):
-        follower = PathFollower(Curve(*path))
+        curve = Curve(2, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0], *points.T.tolist(), [1.0] * 3)
+        follower = PathFollower(curve)
         x, y, heading = follower.start_pose()
-        for _ in range(3):
-            follower.locate(x, y, heading + turned)
+        for step in (0.0, 1e-4, 2e-4):
+            follower.locate(x, y, heading + turned + step)
             follower.curvature(0.0)
         assert follower.s < 1e-6
