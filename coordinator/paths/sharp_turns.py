@@ -150,12 +150,14 @@ def _trials(
 
 
 def _slanted(into: Array, onward: Array, here: Array) -> Iterator[list[Array]]:
-    """Yield vertices for a turn in a corner of the floor, where there is room backwards only."""
+    """Yield vertices for a turn in a corner of the floor, where there is room backwards only.
+
+    The vertex itself comes first, so that a leg which leads there keeps its direction.
+    """
     for back in (-into, onward):
         for sign in (1.0, -1.0):
             slant = back + sign * np.array([-back[1], back[0]])
-            beside = here + _LEGS[0] * _unit(slant)
-            yield from ([here, beside], [beside, here])
+            yield [here, here + _LEGS[0] * _unit(slant)]
 
 
 def _least_radius(way: Array) -> float:
