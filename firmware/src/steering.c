@@ -211,10 +211,7 @@ void sf_steer(sf_course *course, sf_real distance) {
             ahead = reach = R(0.5) * ahead;
         }
         bend /= ahead;
-        if (sf_abs(bend) > TIGHT)
-            follower->clear = R(2) * ahead;
-        else if (!still)
-            follower->clear *= R(2);
+        follower->clear = R(2) * (sf_abs(bend) > TIGHT ? ahead : follower->clear);
         if (still) { /* The next `sf_locate` may leave all as it is. */
             follower->tangent[SF_X] = tx;
             follower->tangent[SF_Y] = ty;
@@ -229,6 +226,8 @@ void sf_steer(sf_course *course, sf_real distance) {
     course->curvature = sf_within(bend, SHARPEST);
     if (travel > reach) course->speed = reach / course->period;
     course->distance = sf_least(sf_positive(distance), R(2) * reach);
+    /* While it turns on the spot, its heading does not tell where it is. */
+    if (course->may_turn) follower->clear = SF_INF;
 }
 
 #include "core_end.h"

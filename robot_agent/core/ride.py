@@ -410,6 +410,8 @@ class Ride:
             self.speed = follower.reach / period
         if self.distance > 2.0 * follower.reach:
             self.distance = 2.0 * follower.reach
+        if self.may_turn:  # While it turns on the spot, its heading does not tell where it is.
+            follower.clear = inf
 
     def _advanced(self, now: float) -> float:
         """Return the plan time [s] by which a robot drives that lags behind now.

@@ -34,6 +34,9 @@ _MOST_TURN = 0.3
 _TIGHT_WAY = 0.04
 """A robot is near a tight bend if it has seen one less than this far ahead [m]."""
 
+_FAR = 2.0
+"""No robot looks as far ahead [m] as this."""
+
 _PLACE_NOISE = 4e-3
 """There it is sought as far from its last place as a late tick lets it drive, and this [m] more."""
 
@@ -58,7 +61,8 @@ class PathFollower:
     end or a corner; `off` [m] is its distance from that point, in any direction.  `heading_error`
     [rad] is the robot's heading minus the path's.  A pose that is not finite leaves s as it was and
     makes `lateral` and `off` infinite.  After `curvature`, `reach` [m] is how far it may drive
-    until the next tick.
+    until the next tick.  `clear` [m] is how far ahead it may look; it doubles each tick after a
+    tight bend.
     """
 
     def __init__(self, curve: Curve) -> None:
@@ -73,7 +77,7 @@ class PathFollower:
         self._still_at = inf  # s, if the last `locate` hardly changed it and still holds.
         self._bend_travel, self._bend = -inf, 0.0
         self.reach = inf
-        self._clear = inf  # How far ahead [m] it may look; it doubles each tick after a tight bend.
+        self.clear = inf
         self._hx, self._hy = 1.0, 0.0  # The robot's direction.
         self._nearest, self._led = inf, 0.0
 
@@ -113,9 +117,9 @@ class PathFollower:
         self._hx, self._hy = cos(heading), sin(heading)
         curve = self._curve
         length, began = curve.length, s
-        if self._clear < _TIGHT_WAY:
+        if self.clear < _TIGHT_WAY:
             self._look_near(s, LED_OFF)
-            self._search(3.0 * self._clear + _PLACE_NOISE)
+            self._search(3.0 * self.clear + _PLACE_NOISE)
             s = self.s
         else:
             for _ in range(4):
@@ -210,14 +214,14 @@ class PathFollower:
         last travel is kept.
         """
         still_at = self._still_at
-        if still_at < inf and travel == self._bend_travel:
+        if still_at < inf and travel == self._bend_travel and self.clear > _FAR:
             return self._bend
         ahead, left = travel, self._curve.length - self.s
         if ahead < _LEAST_LOOK_AHEAD:
             ahead = _LEAST_LOOK_AHEAD
         self.reach = inf
-        if ahead > self._clear:
-            ahead = self.reach = self._clear
+        if ahead > self.clear:
+            ahead = self.reach = self.clear
         if ahead > left:
             ahead = left
         bend = 0.0
@@ -229,9 +233,9 @@ class PathFollower:
                 turn = self._turn_ahead(tx, ty, ahead)
             bend = turn / ahead
             if abs(bend) > _TIGHT:
-                self._clear = 2.0 * ahead
-            elif still_at == inf:
-                self._clear *= 2.0
+                self.clear = 2.0 * ahead
+            else:
+                self.clear *= 2.0
             if still_at < inf:
                 self._tx, self._ty, self._still_at = tx, ty, still_at
                 self._tangent_s = inf

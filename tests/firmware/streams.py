@@ -189,10 +189,12 @@ def make_plan(
     speed: float = 0.0,
     cubic: bool = False,
     repeats: bool = False,
+    tight: bool = False,
 ) -> Course:
     """Return a random course from a pose; with `speed` it begins in motion, straight ahead.
 
-    With `repeats` some knots come several times, and some control points twice.
+    With `repeats` some knots come several times, and some control points twice.  If it is `tight`,
+    it turns sharply between points that are near to each other.
     """
     degree = rng.choice([3, 3, 3, 3, 3, 1, 2, 4, 5, 7]) if speed == 0.0 and not cubic else 3
     count = rng.randint(degree + 1, 40)
@@ -205,6 +207,9 @@ def make_plan(
         if i > degree:
             bend = max(min(bend + rng.uniform(-0.3, 0.3), 0.4), -0.4)
             heading += bend if degree > 1 else 0.0
+            if tight and rng.random() < 0.4:
+                heading += rng.uniform(-2.6, 2.6)
+                step = rng.uniform(0.004, 0.1)
     spans = count - degree
     knots, knot = [], 0.0
     for _ in range(spans):
@@ -267,8 +272,9 @@ class Trial:
 
     `trouble`: the share of events that are not as they should be.  `courses`: whether the robot is
     sent newer courses on its way.  `cubic`: whether all are cubic without weights, as the planner's
-    are.  `repeats`: whether knots and control points repeat.  `absurd`: whether the coordinator's
-    clock jumps by centuries.  `go_after`: how many ticks pass before GO.
+    are.  `repeats`: whether knots and control points repeat.  `tight`: whether courses turn
+    sharply, and wheels are stuck for moments.  `absurd`: whether the coordinator's clock jumps by
+    centuries.  `go_after`: how many ticks pass before GO.
     """
 
     def __init__(
@@ -279,11 +285,13 @@ class Trial:
         courses: bool = True,
         cubic: bool = False,
         repeats: bool = False,
+        tight: bool = False,
         absurd: bool = False,
         go_after: int = 60,
     ) -> None:
         self.rng, self.courses, self.trouble = random.Random(seed), courses, trouble
-        self.cubic, self.repeats, self.absurd = cubic, repeats, absurd
+        self.shape = cubic, repeats, tight
+        self.absurd = absurd
         self.go_after = go_after
         rng = self.rng
         robot = Robot(ID, 0.2, rng.choice([0.0, 0.6, 0.8]), rng.choice([0.0, 0.5]), SIZES)
@@ -371,7 +379,7 @@ class Trial:
         self.pose = pose  # type: ignore[assignment]
         if self.course is None or self.course.plan.epoch != self.epoch or self._luck(0.2):
             self.course = make_plan(  # type: ignore[arg-type]
-                self.rng, self.epoch, 0, 0, pose, 0.0, self.cubic, self.repeats
+                self.rng, self.epoch, 0, 0, pose, 0.0, *self.shape
             )
             if self._luck(0.3):
                 base.at = [
@@ -418,7 +426,7 @@ class Trial:
         self.revision = max(self.revision, agent.holds) + 1
         begin_ms = round(1000 * begin)
         following = make_plan(
-            self.rng, self.epoch, self.revision, begin_ms, pose, speed, self.cubic, self.repeats
+            self.rng, self.epoch, self.revision, begin_ms, pose, speed, *self.shape
         )
         message = msgspec.structs.replace(following.plan, boot=self.boot, number=4)
         self._hear("plan", encode(message))
@@ -475,6 +483,8 @@ class Trial:
             self.slip = rng.uniform(0.5, 1.1)
         if self._luck(0.001):
             self.stuck_until_ns = self.now_ns + rng.randint(0, 3 * SECOND)
+        if self.shape[2] and rng.random() < 0.05:
+            self.stuck_until_ns = self.now_ns + rng.randint(0, SECOND // 4)
         if self.now_ns < self.stuck_until_ns:
             return
         speed, curvature, distance, turn = base.told

@@ -30,6 +30,12 @@ def test_both_cores_drive_alike_where_knots_and_points_repeat(exact_core, seed):
     assert answers(exact_core, stream.lines) == stream.ticks
 
 
+@pytest.mark.parametrize("seed", [*range(4), 19, 29, 40])  # 19 on: stuck near tight bends.
+def test_both_cores_drive_alike_where_courses_turn_sharply(exact_core, seed):
+    stream = Trial(seed, trouble=0.3, tight=True).stream(TICKS)
+    assert answers(exact_core, stream.lines) == stream.ticks
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_stamps_that_are_centuries_apart_overflow_nothing(exact_core, robot_core, seed):
     stream = Trial(seed, absurd=True).stream(TICKS)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from protocol.curve import Curve
-from protocol.phases import DONE, FREEZE, FROZEN, GO, MOVING, OFF_PATH, STOP
+from protocol.phases import DONE, FREEZE, FROZEN, GO, MOVING, NO_FAULT, OFF_PATH, STOP
 from protocol.timeline import Timeline
 from sim.world.body import SimulatedBody
 from tests.robot_agent.core.phases import (
@@ -31,6 +31,7 @@ from tests.robot_agent.core.rides import (
     give_plan,
     motion_along,
     place_at,
+    uniform_knots,
     winding_path,
 )
 
@@ -145,6 +146,25 @@ def test_a_robot_that_seems_to_have_left_its_goal_before_it_had_turned_does_not_
     own = run.own(run.now) + 10 * MS
     run.agent.tick(own, x + 1.02 * TRACK, y, run.body.heading)
     assert (run.agent.fault, run.agent.drive_speed) == (OFF_PATH, 0.0)
+
+
+@pytest.mark.parametrize("turned", [-2.5, -1.5, 0.0, 1.5, 2.5])
+@pytest.mark.parametrize("radius", [0.012, 0.025])
+def test_a_robot_turns_on_the_spot_towards_a_course_that_begins_with_a_tight_bend(radius, turned):
+    """Elsewhere on the bend the robot's heading would fit."""
+    length = Curve(*LINE).length
+    motion = motion_along(length, SPEED, ACCEL)
+    run = driven_run(LINE, motion, Timeline(*motion).finish + 1.0, body=body())
+    bend = [(radius * math.sin(a), radius * (1.0 - math.cos(a))) for a in np.linspace(0.0, 3.0, 7)]
+    bend += [(bend[-1][0] - 0.1 * k, bend[-1][1]) for k in range(1, 5)]
+    c, s = math.cos(turned), math.sin(turned)
+    points = np.array([(1.0 + length + c * x - s * y, 2.0 + s * x + c * y) for x, y in bend])
+    path = (3, uniform_knots(len(points)), *points.T.tolist(), [1.0] * len(points))
+    begin = round(plan_time(run) + 0.2, 3)
+    slow = motion_along(Curve(*path).length, 0.05, ACCEL)
+    give_plan(run.agent, path, (*slow[:4], begin), revision=1)
+    go_on(run, 20.0)
+    assert (run.agent.phase, run.agent.fault, run.agent.revision) == (DONE, NO_FAULT, 1)
 
 
 @pytest.mark.parametrize("before", [0.01, 0.05, 0.1])
@@ -508,3 +528,28 @@ def test_a_robot_pushed_away_from_where_its_next_course_begins_stays_there():
     run.body.place(x, y + 0.1, heading)
     go_on(run, 2.0)
     assert (run.agent.phase, run.agent.revision) == (FROZEN, 0)
+
+
+@pytest.mark.parametrize("has_next", [False, True])
+def test_a_robot_that_holds_its_next_course_drives_on_after_a_tight_bend(has_next):
+    """It is located twice in a tick then.  Its plan is slow in the bend, and fast after it."""
+    out, back = (
+        [-0.4, -0.3, -0.2, -0.1, 0.0, 0.006],
+        [0.006, 0.0, -0.1, *np.arange(-0.2, -1.1, -0.2)],
+    )
+    xs, ys = [*out, *back], [1.992] * len(out) + [2.0] * len(back)
+    path = (3, uniform_knots(len(xs)), xs, ys, [1.0] * len(xs))
+    length, slow = Curve(*path).length, 0.01
+    knots = [(0.0, 0.0), (0.1, SPEED), (0.25, SPEED), (0.4, slow), (0.42, slow)]
+    knots += [(0.6, SPEED), (length - 0.2, SPEED), (length, 0.0)]
+    finish = Timeline([s for s, _ in knots], [v for _, v in knots], [], [], 0.0).finish
+    run = armed_run(path, ([s for s, _ in knots], [v for _, v in knots], [], [], 0.0), body=body())
+    run.command(GO)
+    run.until(run.start_ns + 300 * MS)
+    if has_next:
+        give_line(run, round(finish + 20.0, 3), xs[-1], 0.0)
+        assert run.agent.holds == 1
+    while run.agent.phase == MOVING and plan_time(run) < finish + 10.0:
+        go_on(run, 0.05)
+    assert (run.agent.phase, run.agent.fault) == (DONE, NO_FAULT)
+    assert plan_time(run) < finish + 0.5
