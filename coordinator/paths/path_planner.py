@@ -56,6 +56,9 @@ _PLACE_ROOM: Final = 0.015
 may be a little larger than the conflict; without this room it could include such a place although
 the path avoids it."""
 
+_PARKED_ROOM: Final = 0.001
+"""Paths pass parked robots at least this much farther off [m] than needed."""
+
 _NEAR: Final = 1.015
 """The centre of a disc to avoid is at least this many of its radii from the robot's own places."""
 
@@ -101,15 +104,25 @@ def closed_in(scenario: Scenario) -> dict[str, PlanError]:
 
 
 class Pathfinder:
-    """A search for the robots' paths on one floor; `floor`: that of the scenario, if it is made."""
+    """A search for the robots' paths on one floor; `floor`: that of the scenario, if it is made.
 
-    def __init__(self, scenario: Scenario, floor: GrownFloor | None = None) -> None:
+    `parked`: indices of robots that stay at their starts for ever; no path leads through these.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        floor: GrownFloor | None = None,
+        parked: Sequence[int] = (),
+    ) -> None:
         self.scenario = scenario
         workspace = scenario.workspace
         self.floor = floor or GrownFloor(workspace.boundary, workspace.obstacles, workspace.names)
         self._starts = np.array([robot.start[:2] for robot in scenario.robots])
         self._goals = np.array([robot.goal[:2] for robot in scenario.robots])
         self._radii = np.array([robot.radius for robot in scenario.robots])
+        self._parked = np.zeros(len(scenario.robots), bool)
+        self._parked[list(parked)] = True
         self._failed = 0
 
     def path(self, index: int, detours: Array = NO_DISCS, refuge: Point | None = None) -> Nurbs:
@@ -147,7 +160,8 @@ class Pathfinder:
         if refuge is not None:
             robot = replace(robot, via=(refuge, *robot.via))
         worst: PlanError | None = None
-        for places in self._places(robot, index):
+        sets = 0
+        for sets, places in enumerate(self._places(robot, index), start=1):
             discs = np.concatenate((places, detours))
             for room, touch in _rooms(robot):
                 try:
@@ -157,7 +171,10 @@ class Pathfinder:
                         worst = error
                 except PlanError as error:
                     worst = worst if isinstance(worst, (TurnError, CoarseError)) else error
-        if isinstance(worst, NoWayError) and not len(detours):
+        if sets > 1 and self._parked.any() and isinstance(worst, NoWayError):
+            # Only a robot that has a way among obstacles alone is offered several sets.
+            worst = PlanError("has no way past robots that are parked")
+        elif isinstance(worst, NoWayError) and not len(detours):
             part = self.scenario.workspace.from_map
             worst = explain(worst, self.floor, robot, self.scenario.margin, part)
         assert worst is not None  # There is always some set of places to try.
@@ -261,29 +278,34 @@ class Pathfinder:
         """Yield sets of other robots' places (k, 3) to avoid, the largest set first.
 
         Later sets omit places that the way among obstacles alone crosses: first starts, then goals,
-        then both.
+        then both; at last all.  None omits those of parked robots; the last one keeps no farther
+        off these than needed.
         """
         need = self._radii + robot.radius + self.scenario.margin
         anchors = _anchors(robot)
-        possible = []
+        possible, parked = [], []
         for places in (self._starts, self._goals):
             reach = np.minimum(need + _PLACE_ROOM, nearest_of(places, anchors) / _NEAR)
             chosen = reach > need + 2.0 * _TOUCH
             chosen[index] = False
             possible.append(np.column_stack((places[chosen], reach[chosen])))
+            parked.append(self._parked[chosen])
+        stay = np.flatnonzero(self._parked & chosen)
+        least = np.minimum(reach[stay], need[stay] + DISC_TOLERANCE + _PARKED_ROOM)
         yield np.concatenate(possible)
         way = self._way_alone(robot)
         if way is None:
             return
         crossed = [entered(way, discs - (0.0, 0.0, DISC_TOLERANCE)) for discs in possible]
-        (starts, goals), (over_start, over_goal) = possible, crossed
+        over_start, over_goal = (over & ~stay for over, stay in zip(crossed, parked, strict=True))
+        starts, goals = possible
         if over_start.any():
             yield np.concatenate((starts[~over_start], goals))
         if over_goal.any():
             yield np.concatenate((starts, goals[~over_goal]))
         if over_start.any() and over_goal.any():
             yield np.concatenate((starts[~over_start], goals[~over_goal]))
-        yield NO_DISCS
+        yield np.column_stack((self._goals[stay], least))
 
     def _way_alone(self, robot: Robot) -> Array | None:
         """Return the way (n, 2) among obstacles alone; None when there is none."""

@@ -271,7 +271,9 @@ def _conflict_discs(robot: Robot, found: Try) -> Array | None:
 
 def _finder(site: Site, robot: Robot, others: Sequence[Course]) -> Pathfinder:
     """Return a search for a robot's path among others that stand where they will rest."""
-    stand = tuple(_resting(one.driven) for one in others if one.until == math.inf)
+    staying = [one for one in others if one.until == math.inf]
+    stand = tuple(_resting(one.driven) for one in staying)
+    parked = [index for index, one in enumerate(staying, start=1) if one.has_ended]
     scenario = Scenario(
         name=site.scenario.name,
         workspace=site.scenario.workspace,
@@ -279,7 +281,7 @@ def _finder(site: Site, robot: Robot, others: Sequence[Course]) -> Pathfinder:
         margin=site.scenario.margin,
         speed_reserve=site.scenario.speed_reserve,
     )
-    return Pathfinder(scenario, site.floor)
+    return Pathfinder(scenario, site.floor, parked)
 
 
 @kept
@@ -389,7 +391,7 @@ def _among(search: Search, track: Track, latest: float) -> tuple[Junctions, Moti
     errand = search.errand._replace(latest=latest)
     met = search.met.met_along(track.chords.points, errand, search.reach, search.tau)
     among = [search.others[k] for k in met]
-    # The path itself keeps clear of robots that stand at their ends for ever.
+    # No path leads through robots that are parked.
     among = [one for one in among if not one.has_ended or one.until < math.inf]
     copies = [(one, delay) for one in among for delay in _delays(site, wish, one)]
     parts = [search.ahead(one, delay) for one, delay in copies]

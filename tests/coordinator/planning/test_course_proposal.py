@@ -19,7 +19,7 @@ from coordinator.planning.wish import Site, Wish
 from coordinator.proof.course_proof import course_failures
 from coordinator.schedule.staircase_making import staircases_of
 from sim.floors.generator import generate
-from tests.scenarios import a_robot, a_scenario
+from tests.scenarios import a_robot, a_scenario, box
 
 STEP = 0.02
 
@@ -191,6 +191,39 @@ def test_where_another_one_rests_for_good_there_is_no_course_to():
     with pytest.raises(PlanError) as caught:
         sent_on(site, courses, robots, "R1", (8.0, 5.9))
     assert caught.value.robot == "R1"
+
+
+def through_a_wall(*gaps):
+    """R1 is to go through a wall with gaps [m]; R2 rests in the last one.
+
+    If there are two, R3 will rest in the first one.
+    """
+    edges = [0.0, *(edge for gap in gaps for edge in gap), 4.0]
+    walls = [box(2.9, low, 3.1, high) for low, high in zip(edges[::2], edges[1::2], strict=True)]
+    robots = [
+        a_robot("R1", (1.0, 2.0), (1.1, 2.0)),
+        a_robot("R2", (3.1, 2.0), (3.0, 2.0)),
+        a_robot("R3", (5.6, 3.6), (3.0 if gaps[1:] else 5.6, 0.6), max_speed=0.06, max_accel=1.0),
+    ]
+    site, courses, robots = a_site(a_scenario(robots, (6.0, 4.0), walls, margin=0.05, tau=0.6))
+    assert courses["R3"].driven.timeline.finish > 40.0
+    courses |= {name: courses[name].arrived(20_000) for name in ("R1", "R2")}
+    wish = dataclasses.replace(a_wish(courses, robots, "R1", (5.0, 2.0)), begin_ms=20_000)
+    return search(site, wish, [courses["R2"], courses["R3"]]), site, courses
+
+
+def test_a_robot_goes_where_another_one_will_rest_rather_than_through_one_that_rests():
+    found, site, courses = through_a_wall((0.3, 0.9), (1.7, 2.3))
+    finish = found.proposal.course.driven.timeline.finish
+    assert finish < courses["R3"].driven.timeline.finish - site.terms.tau
+    others = [courses["R2"], courses["R3"]]
+    assert_keeps_apart(found.proposal, others, site.terms.tau, site.terms.margin)
+
+
+def test_a_robot_is_told_who_rests_in_the_only_way():
+    found, *_ = through_a_wall((1.7, 2.3))
+    assert (found.proposal, found.blockers) == (None, ("R2",))
+    assert found.reason == "has no way past robots that are parked"
 
 
 def test_a_course_that_comes_too_near_another_one_is_found_by_its_proof():
