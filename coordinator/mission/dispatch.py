@@ -170,7 +170,7 @@ class Dispatcher:
             if task.order.id not in asked and self._is_due(task, state, now_ms)
         ]
         tasks = self._in_turn(tasks, asked, now_ms)
-        self._free.say_who_is_busy(idle, now_ns)
+        self._free.say_who_is_busy(idle, self._tried, now_ns)
         joins = [task for task in tasks if task.joins is not None]
         tasks = [task for task in tasks if task.joins is None]
         found = [self._ask_join(task, task.joins, now_ns) for task in joins if task.joins]
@@ -479,5 +479,5 @@ class Dispatcher:
         """Return in words why nobody can do an order."""
         member = self._fleet.members.get(task.order.robot)
         if member is not None and (member.lost or member.has_stopped(self._fleet.epoch)):
-            return f"{member.id} {self._free.what_keeps(member.id, now_ns)}"
+            return f"{member.id} {self._free.what_stops(member.id, now_ns)}"
         return task.reason or "no robot can do it"

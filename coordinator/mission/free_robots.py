@@ -7,7 +7,7 @@ no robot is named.  Must not know: how courses are found, when an order is refus
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from typing import Final
 
 import numpy as np
@@ -62,8 +62,8 @@ class FreeRobots:
             and self._searches.is_time_for(member.id, now_ns)
         ]
 
-    def what_keeps(self, robot: str, now_ns: int) -> str:
-        """Return in words why a robot that does no order is not idle."""
+    def what_stops(self, robot: str, now_ns: int) -> str:
+        """Return in words why a robot can be sent nowhere; "" if it can."""
         member = self._fleet.members[robot]
         if member.has_come_back(now_ns):
             return "is back and waits to be admitted"
@@ -73,10 +73,13 @@ class FreeRobots:
             return "is not heard"
         if member.has_stopped(self._fleet.epoch):
             return f"has stopped: {fault_name(member.fault)}"
-        return "has not arrived yet" if member.planned else "has no part in this epoch"
+        return "" if member.planned else "has no part in this epoch"
 
-    def say_who_is_busy(self, idle: list[str], now_ns: int) -> None:
-        """State the reason for which orders wait that were not looked for yet."""
+    def say_who_is_busy(self, idle: list[str], tried: Container[str], now_ns: int) -> None:
+        """State why orders wait for their robots.
+
+        `tried`: orders for which no course was found; it was said then why not.
+        """
         book = self._fleet.orders
         members = self._fleet.members
         under_way = [one for one in reversed(book.under_way()) if not members[one.robot].lost]
@@ -88,7 +91,9 @@ class FreeRobots:
             if robot in does:
                 task.reason = f"{robot} does {does[robot]} first"
             elif robot and robot not in idle:
-                task.reason = f"{robot} {self.what_keeps(robot, now_ns)}"
+                stops = self.what_stops(robot, now_ns)
+                if stops or task.order.id not in tried:
+                    task.reason = f"{robot} {stops or 'has not arrived yet'}"
             elif not robot and not idle:
                 task.reason = "no robot is free"
 

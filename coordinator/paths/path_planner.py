@@ -160,8 +160,9 @@ class Pathfinder:
         if refuge is not None:
             robot = replace(robot, via=(refuge, *robot.via))
         worst: PlanError | None = None
-        sets = 0
-        for sets, places in enumerate(self._places(robot, index), start=1):
+        tried = 0
+        for places in self._places(robot, index):
+            tried += 1
             discs = np.concatenate((places, detours))
             for room, touch in _rooms(robot):
                 try:
@@ -171,7 +172,7 @@ class Pathfinder:
                         worst = error
                 except PlanError as error:
                     worst = worst if isinstance(worst, (TurnError, CoarseError)) else error
-        if sets > 1 and self._parked.any() and isinstance(worst, NoWayError):
+        if tried > 1 and self._parked.any() and isinstance(worst, NoWayError):
             # Only a robot that has a way among obstacles alone is offered several sets.
             worst = PlanError("has no way past robots that are parked")
         elif isinstance(worst, NoWayError) and not len(detours):

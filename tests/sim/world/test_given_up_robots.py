@@ -11,7 +11,7 @@ from coordinator.mission.obstructions import Aside, Obstructions
 from coordinator.scenario.model import Order
 from coordinator.schedule.authority import EVER
 from coordinator.service.replay import check_log
-from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, Block, Join, Leave, Unblock
+from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, WAITING, Block, Join, Leave, Unblock
 from protocol.messages import Order as Said
 from protocol.phases import DONE
 from protocol.timing import SECOND
@@ -240,6 +240,29 @@ def test_a_lost_robot_with_two_unnamed_orders_stops_nobody(tmp_path):
     world.run(60.0)
     logs.close()
     assert set(states(world).values()) == {REFUSED}
+
+
+def test_of_a_robot_that_was_given_up_and_is_closed_in_it_is_told_by_whom():
+    """R3 dies in the corridor that R1, which others went around, has to leave by."""
+    orders = (
+        Order(id="out", goal=(13.0, 7.0), robot="R1"),
+        Order(id="in", goal=(9.0, 0.65), robot="R3", release=10.0),
+    )
+    scenario = a_scenario(
+        [idle("R1", (1.0, 0.65)), idle("R3", (9.0, 6.0))],
+        size=HALL,
+        obstacles=[box(0.0, 1.3, 12.5, 2.0)],
+        orders=orders,
+    )
+    world = a_world(
+        scenario, faults=["cut:R1@4:50", "kill:R3@48"], planning_ns=150_000_000, stays=True
+    )
+    world.run(70.0)
+    assert any("others go around R1" in one.text for one in world.fleet.incidents)
+    task = world.fleet.orders.tasks["out"]
+    for _ in range(24):
+        assert (task.state, task.reason) == (WAITING, "waits for R3")
+        world.run(0.5)
 
 
 def test_where_a_robot_is_to_leave_its_course_outlasts_two_coordinators(tmp_path):
