@@ -88,7 +88,8 @@ def _robot_plan(
         message = pack(document, planned, number)
         size = len(address(message, _LONGEST_BOOT))
     except OversizeError as error:
-        raise PlanError(str(error), robot.id, helps="fewer via points") from None
+        helps = "fewer via points" if robot.via else "a nearer goal"
+        raise PlanError(str(error), robot.id, helps=helps) from None
     return msgspec.structs.replace(planned, wire_bytes=size), message
 
 
