@@ -37,7 +37,7 @@ def render(summary: dict[str, object]) -> RenderableType:
     planned = told.source == "plan"
     parts: list[RenderableType] = [_plan_headline(told) if planned else _headline(told)]
     if told.epochs:
-        parts.append(_epochs(told.epochs))
+        parts.append(_epochs(told.epochs, told.robots))
     if told.robots:
         parts.append(_robots(told.robots, driven=not planned))
         parts.append(_arrivals(told.robots, driven=not planned))
@@ -162,11 +162,17 @@ def _grid(*rows: tuple[str, str]) -> Table:
     return table
 
 
-def _epochs(epochs: list[EpochSummary]) -> Table:
+def _is_under_way(robot: RobotSummary) -> bool:
+    """Return whether a robot that arrived once drives on another course at the log's end."""
+    return robot.planned_finish is not None and robot.late is None
+
+
+def _epochs(epochs: list[EpochSummary], robots: dict[str, RobotSummary]) -> Table:
+    going = {name for name, robot in robots.items() if _is_under_way(robot)}
     table = plain_table("epoch", "GO at", "phases", "arrived", "ended", title="epochs")
     for epoch in epochs:
         changes = ", ".join(f"{change.phase} {change.t:.2f}" for change in epoch.phases)
-        arrived = str(len(epoch.arrivals))
+        arrived = str(len(epoch.arrivals.keys() - (going if epoch is epochs[-1] else set())))
         table.add_row(str(epoch.epoch), _seconds(epoch.start), changes, arrived, epoch.ended)
     return table
 
@@ -200,7 +206,8 @@ def _arrivals(robots: dict[str, RobotSummary], *, driven: bool) -> Table:
     table = plain_table(*names, title="arrivals, and each robot's nearest other robot")
     for name, robot in sorted(robots.items()):
         off = None if robot.tracking_error is None else 1000.0 * robot.tracking_error
-        heard = [robot.arrived, robot.late, robot.true_arrival]
+        going = _is_under_way(robot)
+        heard = [None] * 3 if going else [robot.arrived, robot.late, robot.true_arrival]
         cells = [_number(robot.planned_finish)]
         if driven:
             cells += [*map(_number, heard), "-" if off is None else f"{off:.1f}"]

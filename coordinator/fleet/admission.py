@@ -222,7 +222,7 @@ def _what_becomes_of(member: Member) -> str:
         return "it goes on"
     if member.stays:
         return f"it stays where it is: {member.stays}"
-    return f"it waits for the next epoch, which {_admit(member)} begins"
+    return f"it waits to be admitted: {_admit(member)}"
 
 
 def _why_in_already(member: Member) -> str:

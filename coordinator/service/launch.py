@@ -21,6 +21,7 @@ from msgspec.structs import replace
 
 from coordinator.base.console import answer_json, tell_now, write_file
 from coordinator.base.errors import InputError
+from coordinator.base.interrupts import was_asked
 from coordinator.base.own_file import is_being_written
 from coordinator.desk.answers import Alarm
 from coordinator.findings.info_fields import OrderSummary
@@ -49,7 +50,7 @@ from coordinator.service.replay import go_on, scenario_of
 from coordinator.view.live_table import FleetTable
 from coordinator.view.order_lines import order_line
 from protocol.host_clock import host_clock_ns, time_of_day
-from protocol.phases import COMMAND_NAMES, PHASE_NAMES
+from protocol.phases import COMMAND_NAMES, OVER, PHASE_NAMES
 from protocol.shared_clock import announce_clock
 from protocol.transport import Transport
 
@@ -168,7 +169,16 @@ class Coordinator:
                 self._summarise(fleet, arrived, service.driver.intake.dropped)
             finally:
                 recorder.close()
+                if was_asked() and fleet.has_gone and fleet.phase != OVER:
+                    self._tell_interrupted(log)
         return 0 if arrived else 1
+
+    def _tell_interrupted(self, log: Path | None) -> None:
+        """Say what the robots do now that their coordinator ends before they have."""
+        how = (
+            f"a coordinator with --resume {log} goes on" if log else "there is no log to go on from"
+        )
+        self._say("interrupted", text=f"robots now stop where their authority ends; {how}")
 
     def _begin(self, boot: int, plan_file: Path | None) -> Mission:
         plan = plan_here(self.scenario, self.effort)

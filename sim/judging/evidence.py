@@ -95,13 +95,19 @@ class _Told:
         self.starts: dict[int, int] = {}
         """The time zero of each epoch."""
 
+        self.start_now: dict[int, int] = {}
+        """The same, or to when it was put off while the fleet stood still."""
+
         self.every_start: set[int] = set()
-        """These, and those to which a plan's time was put off while the fleet stood still."""
+        """All of these."""
 
         self.courses: dict[_Which, bytes] = {}
         self.begun: dict[_Which, int] = {}
         """When robots first reported to drive them; the first one of a robot that joins: when it
         was sent."""
+
+        self.zeros: dict[_Which, int] = {}
+        """The time zero of their epochs then."""
 
         self._newest: dict[tuple[str, int, int], _Which] = {}
 
@@ -112,16 +118,24 @@ class _Told:
             if message.phase == GO:
                 self.starts.setdefault(message.epoch, message.start_ns)
                 self.every_start.add(message.start_ns)
+                self.start_now[message.epoch] = message.start_ns
         elif isinstance(message, Plan) and (message.revision or message.begin_ms):
             which = (robot, message.epoch, message.number, message.revision)
             self.courses[which] = record.payload
             self._newest[robot, message.epoch, message.revision] = which
             if not message.revision:
-                self.begun.setdefault(which, record.log_ns)
+                self._begin(which, record.log_ns)
         elif isinstance(message, Report):
             found = self._newest.get((robot, message.epoch, message.revision))
             if found is not None:
-                self.begun.setdefault(found, record.log_ns)
+                self._begin(found, record.log_ns)
+
+    def _begin(self, course: _Which, log_ns: int) -> None:
+        _, epoch, _, _ = course
+        if course not in self.begun:
+            self.begun[course] = log_ns
+            if epoch in self.start_now:
+                self.zeros[course] = self.start_now[epoch]
 
 
 def gather(source: Path) -> Evidence:
@@ -220,7 +234,7 @@ def _courses(told: _Told) -> dict[str, list[FurtherCourse]]:
         robot, epoch, _, _ = which
         if epoch in told.starts:
             begin = (begun_ns - told.starts[first]) / SECOND
-            start = (told.starts[epoch] - told.starts[first]) / SECOND
+            start = (told.zeros.get(which, told.starts[epoch]) - told.starts[first]) / SECOND
             found.setdefault(robot, []).append(FurtherCourse(told.courses[which], begin, start))
     return found
 

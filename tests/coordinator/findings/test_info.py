@@ -1,6 +1,7 @@
 """What a log tells, on logs made by hand through the recorder."""
 
 import io
+import re
 import subprocess
 import sys
 
@@ -470,6 +471,20 @@ def test_the_tables_show_arrivals_stops_and_silence(tmp_path):
         assert "messages with positions" in text.getvalue()
     Console(file=text, width=140).print(render(summarise(log_of(tmp_path, good_run()))))
     assert "s 1.50 m until 4.50 s for R2" in text.getvalue()
+
+
+def test_a_robot_on_its_way_is_not_shown_as_arrived_though_it_was_at_an_earlier_goal(tmp_path):
+    told = summarise(log_of(tmp_path, good_run()))
+    shown = []
+    for late in (told["robots"]["R1"]["late"], None):
+        told["robots"]["R1"]["late"] = late
+        text = io.StringIO()
+        Console(file=text, width=140).print(render(told))
+        rows = [re.split("[│┃]", line) for line in text.getvalue().splitlines()]
+        arrived = next(row[4].strip() for row in rows if len(row) > 4 and row[1].strip() == "1")
+        heard = [row[3].strip() for row in rows if len(row) > 8 and row[1].strip() == "R1"]
+        shown.append((arrived, heard))
+    assert shown == [("2", ["8.00"]), ("1", ["-"])]
 
 
 def test_a_robot_that_is_lost_heard_again_and_lost_again_is_told_of_twice(tmp_path):

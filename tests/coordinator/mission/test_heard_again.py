@@ -34,7 +34,7 @@ from tests.coordinator.fleet.fleet_floor import (
     state_of,
 )
 
-WAY_IN = "it waits for the next epoch, which `splinefleet admit R2 --connect ...` begins"
+WAY_IN = "it waits to be admitted: `splinefleet admit R2 --connect ...`"
 
 
 def told(floor, *kinds):

@@ -209,7 +209,9 @@ def test_nobody_is_near_a_robot_that_has_left(copy):
 
 
 def test_info_of_a_resumed_log_agrees_with_the_judge(tmp_path):
-    """R9 joins and drives, the coordinator is started again, R9 drives on and leaves."""
+    """R9 joins and drives, the coordinator is started again, the fleet stops for a while, R9 drives
+    on and leaves.
+    """
     robots = [a_robot("R1", (1.0, 3.0), (1.0, 3.0)), a_robot("R2", (6.0, 1.0), (6.0, 1.0))]
     scenario = a_scenario(robots, (12.0, 6.0))
     document, logs = plan_scenario(scenario, effort=0), RunLogs(tmp_path)
@@ -227,6 +229,8 @@ def test_info_of_a_resumed_log_agrees_with_the_judge(tmp_path):
     say(keys.order, Order(9, "over", (3.0, 3.0), robot="R9"), 20.0)
     world.strike(Fault("coordinator-restart", "", 0.0, 1.0))
     world.run(4.0)
+    say(keys.tell, Tell(9, HALT), 8.0)
+    say(keys.tell, Tell(9, GO_ON), 1.0)
     say(keys.order, Order(9, "on", (10.0, 5.0), robot="R9"), 20.0)
     say(keys.roster, Leave(9, "R9"), 3.0)
     logs.close()
@@ -245,3 +249,4 @@ def test_info_of_a_resumed_log_agrees_with_the_judge(tmp_path):
         assert robot["tracking_error"] == pytest.approx(one.tracking_error, abs=2e-3)
         assert robot["true_arrival"] == pytest.approx(one.t, abs=1e-3)
         assert abs(robot["late"]) < 0.5
+        assert one.lateness < 0.5
