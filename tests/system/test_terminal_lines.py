@@ -2,11 +2,12 @@
 
 import contextlib
 import re
+import signal
 import time
 
 import pytest
 
-from tests.system.fleet_tools import TWO_ROBOTS, free_endpoint, started
+from tests.system.fleet_tools import TWO_ROBOTS, free_endpoint, line_with, splinefleet, started
 
 TIMED = re.compile(r"(\d\d):(\d\d):(\d\d) \S")
 
@@ -46,3 +47,24 @@ def test_every_line_of_a_program_that_runs_for_long_begins_with_the_time(told, p
     seconds = range(int(began), int(ended) + 1)
     moments = {time.strftime("%H:%M:%S", time.localtime(second)) for second in seconds}
     assert line[:8] in moments
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_coordinator_that_is_ended_while_robots_drive_says_what_they_do_and_how_to_go_on(
+    tmp_path, number
+):
+    scenario, endpoint, log = tmp_path / "two.toml", free_endpoint(), tmp_path / "run.mcap"
+    scenario.write_text(TWO_ROBOTS)
+    with contextlib.ExitStack() as stack:
+        coordinator = stack.enter_context(
+            started("coordinator", scenario, f"--listen={endpoint}", f"--log={log}", "--json")
+        )
+        line_with(coordinator, '"listening"', 60.0)
+        for name in ("R1", "R2"):
+            stack.enter_context(started("agent", name, f"--connect={endpoint}"))
+        line_with(coordinator, "is moving", 40.0)
+        coordinator.send_signal(number)
+        line = line_with(coordinator, '"interrupted"', 20.0)
+        assert coordinator.wait(20.0) == 130
+    assert f"--resume {log}" in line
+    assert splinefleet("verify", log).returncode == 0
