@@ -61,6 +61,9 @@ class FleetLine:
         self.is_heard = False
         """Whether anything of the fleet was heard."""
 
+        self.phase: int | None = None
+        """The phase that the fleet's last Command stated."""
+
         self._others: set[str] = set()
         """The fleets whose coordinators are heard, if they are noted."""
 
@@ -114,6 +117,7 @@ class FleetLine:
                 self.fleet = name
             if name == self.fleet:
                 self.is_heard = True
+                self.phase = message.phase if isinstance(message, Command) else self.phase
                 if lasts:
                     self._until = self._clock() + self._patience
                 yield message

@@ -14,7 +14,7 @@ import msgspec
 import typer
 
 from coordinator.base.console import answer_json, answers, tell
-from coordinator.cli.fleet_line import Connect, FleetName, Patience, fleet_line
+from coordinator.cli.fleet_line import Connect, FleetLine, FleetName, Patience, fleet_line
 from coordinator.cli.option_checks import (
     given,
     named,
@@ -149,7 +149,7 @@ def order(
     wanted = _wanted(to, via or [], dwell, vda5050)
     name, whose = order_id or wanted.id, robot or wanted.robot
     state: OrderState | None = None
-    is_over, phase = False, GO
+    is_over = False
     with fleet_line(connect, fleet, patience, keys) as line:
         wish = Order(
             boot=line.boot,
@@ -182,15 +182,19 @@ def order(
                 break
             if state is None and time.monotonic() - began > patience:
                 break
-            phase = message.phase if isinstance(message, Command) else phase
-            if phase == OVER and state is not None:
+            if line.phase == OVER and state is not None:
                 break
     if state is None:
         raise line.unanswered(f"order {name}")
-    if state.state == WAITING and phase in _STANDS:
-        tell(_STANDS[phase], "yellow")
+    if state.state == WAITING:
+        _tell_why_all_wait(line)
     _conclude(name, state, as_json)
     _fail_if_cut_off(wait and not is_over)
+
+
+def _tell_why_all_wait(line: FleetLine) -> None:
+    if line.phase in _STANDS:
+        tell(_STANDS[line.phase], "yellow")
 
 
 def _refuse_another(message: Message, wish: Order) -> None:
@@ -282,6 +286,7 @@ def orders(
     with fleet_line(connect, fleet, patience, keys) as line:
         states = line.states()
         line.must_be_heard()
+    _tell_why_all_wait(line)
     from coordinator.findings.info_fields import OrderSummary
     from coordinator.findings.info_table import orders_table
 

@@ -2,11 +2,13 @@
 
 import itertools
 
+import msgspec
 import pytest
 import typer
 
 from coordinator.cli.fleet_line import FleetLine
 from protocol import keys
+from protocol.phases import OVER, STOP
 from tests.coordinator.desk.fake_fleet import FLEET, FakeFleet, a_command
 
 
@@ -45,3 +47,13 @@ def test_who_hears_nothing_is_told_of_no_fleet(capsys):
     line.unanswered("order o1")
     said = "no coordinator has answered to order o1 within 0.5 s"
     assert " ".join(capsys.readouterr().err.split()) == said
+
+
+def test_the_phase_is_that_of_the_fleet_that_is_asked():
+    fleet = FakeFleet()
+    line = FleetLine(fleet, FLEET, 0.5, "", itertools.count(0.0, 0.125).__next__)
+    assert line.phase is None
+    fleet.tell(keys.command(FLEET), msgspec.structs.replace(a_command(), phase=STOP))
+    fleet.tell(keys.command("port"), msgspec.structs.replace(a_command(), phase=OVER))
+    assert len(list(line.messages(lambda _: None))) == 1
+    assert line.phase == STOP
