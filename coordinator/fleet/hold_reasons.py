@@ -1,7 +1,8 @@
 """Sentences that say which robots a fleet waits for or which are held, and why.
 
 Decides: what is reported and when: once a fleet has waited for PATIENCE, and again when the
-sentence changes, at most once in PATIENCE.  Must not know: consoles, what the fleet then does.
+sentence changes or nobody waits any more, at most once in PATIENCE.  Must not know: consoles, what
+the fleet then does.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Final
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.member import Member
 from coordinator.schedule.authority import EVER
-from protocol.phases import COMMAND_NAMES, FREEZE, HOLD, IDLE, PHASE_NAMES, fault_name
+from protocol.phases import COMMAND_NAMES, FREEZE, GO, HOLD, IDLE, PHASE_NAMES, fault_name
 from protocol.timing import SECOND
 
 PATIENCE: Final = SECOND
@@ -43,7 +44,9 @@ class RollCall:
         if missing == self._said:
             return ""
         self._due_ns, self._said = now_ns + PATIENCE, missing
-        return f"{COMMAND_NAMES[fleet.phase]}, waiting for {missing}" if missing else ""
+        if missing:
+            return f"{COMMAND_NAMES[fleet.phase]}, waiting for {missing}"
+        return "GO, nobody waits any more" if fleet.phase == GO else ""
 
 
 def missing_in_words(fleet: Fleet, now_ns: int) -> str:
