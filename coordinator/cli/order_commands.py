@@ -266,7 +266,9 @@ def _conclude(name: str, state: OrderState, as_json: bool) -> None:
         answer_json(shown)
     else:
         why = f": {shown.reason}" if shown.reason else ""
-        answers.print(f"{name} {shown.robot or 'no robot yet'} {shown.state}{why}", markup=False)
+        robot = shown.robot or ("no robot yet" if state.state == WAITING else "")
+        words = " ".join(filter(None, (name, robot, shown.state)))
+        answers.print(f"{words}{why}", markup=False)
     if state.state in (CANCELLED, REFUSED):
         raise typer.Exit(1)
 
@@ -336,7 +338,7 @@ def cancel(
         if as_json:
             answer_json(OrderSummary.of(state))
         return
-    tell(f"{name}: {state.reason or OrderSummary.of(state).state}", "red")
+    tell(f"{name}: {state.reason or f'is {OrderSummary.of(state).state} already'}", "red")
     raise typer.Exit(1)
 
 
