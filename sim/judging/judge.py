@@ -54,8 +54,9 @@ class RobotVerdict(msgspec.Struct, frozen=True):
     clock_error [s]: the greatest error of the robot's own estimate of the time; None when it is not
     known, because the times in the black box are that estimate or those of an unknown clock.
     least_clearance [m]: least distance between its disc and anything solid, negative where they
-    overlapped; None when the floor is not known.  joined, left: when it joined the fleet last, and
-    left it for good [s]; it is judged from then, until then.
+    overlapped; None when the floor is not known.  nearest_solid: when that was [s], and where the
+    robot was then [m, m].  joined, left: when it joined the fleet last, and left it for good [s];
+    it is judged from then, until then.
     """
 
     id: str
@@ -66,6 +67,7 @@ class RobotVerdict(msgspec.Struct, frozen=True):
     fault: str
     clock_error: float | None = None
     least_clearance: float | None = None
+    nearest_solid: tuple[float, float, float] | None = None
     joined: float | None = None
     left: float | None = None
 
@@ -135,7 +137,7 @@ def judge_boxes(
             collisions += is_touch
     end = max((float(part.box.t[-1]) for found in parts.values() for part in found), default=0.0)
     clearances = _clearances(document, parts)
-    touching = sum(clearance < 0.0 for clearance in clearances.values())
+    touching = sum(one.distance < 0.0 for one in clearances.values())
     return Verdict(
         collisions=collisions,
         least_separation=min((pair.separation for pair in pairs), default=None),
@@ -147,8 +149,15 @@ def judge_boxes(
             for name, times in present.items()
         ],
         collisions_with_obstacles=touching if clearances else None,
-        least_clearance=min(clearances.values(), default=None),
+        least_clearance=min((one.distance for one in clearances.values()), default=None),
     )
+
+
+class _Clearance(NamedTuple):
+    """The least distance of a robot's disc from anything solid [m], and when [s] and where [m]."""
+
+    distance: float
+    nearest: tuple[float, float, float]
 
 
 def _not_known(name: str, stay: Stay) -> RobotVerdict:
@@ -220,16 +229,24 @@ def least_separation(a: BlackBox, b: BlackBox) -> tuple[float, float]:
     return float(distance[at]), float(time[at] + part[at] * (time[at + 1] - time[at]))
 
 
-def _clearances(document: PlanDocument, parts: Mapping[str, Sequence[_Part]]) -> dict[str, float]:
-    """Return each robot's least distance [m] from anything solid; empty without a floor."""
+def _clearances(
+    document: PlanDocument, parts: Mapping[str, Sequence[_Part]]
+) -> dict[str, _Clearance]:
+    """Return each robot's least distance from anything solid; empty without a floor."""
     floor = document.workspace
     if floor is None:
         return {}
     solid = SolidGround(floor.boundary, floor.obstacles)
     return {
-        name: round(min(solid.nearest(one.box)[0] - one.stay.radius for one in found), 6) + 0.0
+        name: min(_clearance(solid, one.box, one.stay.radius) for one in found)
         for name, found in parts.items()
     }
+
+
+def _clearance(solid: SolidGround, box: BlackBox, radius: float) -> _Clearance:
+    apart, t = solid.nearest(box)
+    x, y = box.at(np.array([t]))[0].tolist()
+    return _Clearance(round(apart - radius, 6) + 0.0, (round(t, 3), round(x, 3), round(y, 3)))
 
 
 def _from_start(driven: Driven, box: BlackBox) -> BlackBox:
@@ -281,7 +298,7 @@ def _judge_robot(
     name: str,
     parts: Sequence[_Part],
     end: float,
-    clearance: float | None,
+    clearance: _Clearance | None,
 ) -> RobotVerdict:
     """Judge one robot: each leg against its plan, and whether it arrived in its last stay.
 
@@ -318,7 +335,8 @@ def _judge_robot(
         lateness=round(max(_lateness(d, part) for d, part in every), 3),
         fault=fault,
         clock_error=round(max(clock_errors), 6) if clock_errors else None,
-        least_clearance=clearance,
+        least_clearance=None if clearance is None else clearance.distance,
+        nearest_solid=None if clearance is None else clearance.nearest,
         joined=_known(stay.since),
         left=_known(stay.until),
     )

@@ -107,8 +107,13 @@ def _collisions(verdict: Verdict) -> list[str]:
     """Return how many pairs of robots touched, and which robots touched something solid."""
     lines, count = [f"collisions {verdict.collisions}"], verdict.collisions_with_obstacles
     if count is not None:
-        touching = [one.id for one in verdict.robots if (one.least_clearance or 0.0) < 0.0]
-        names = f": {', '.join(touching)}" if touching else ""
+        touching = [
+            f"{one.id} at ({x:.2f}, {y:.2f}), {t:.2f} s"
+            for one in verdict.robots
+            if one.nearest_solid is not None and (one.least_clearance or 0.0) < 0.0
+            for t, x, y in [one.nearest_solid]
+        ]
+        names = f": {'; '.join(touching)}" if touching else ""
         lines.append(f"collisions with obstacles {count}{names}")
     return lines
 

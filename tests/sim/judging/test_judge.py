@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 from msgspec.structs import replace
 from rich.console import Console
 from typer.testing import CliRunner
@@ -260,9 +261,13 @@ def test_a_robot_that_touches_an_obstacle_has_collided_with_it(document, tmp_pat
     assert verdict.least_clearance == pytest.approx(-0.01, abs=1e-5)
     assert verdict.robots[0].least_clearance == verdict.least_clearance
     assert verdict.robots[1].least_clearance > 0.0
+    t, x, y = verdict.robots[0].nearest_solid
+    corner_apart = shapely.Polygon(block).distance(shapely.Point(x, y))
+    assert corner_apart == pytest.approx(0.2 - 0.01, abs=1e-3)
     assert all(robot.arrived for robot in verdict.robots)
     assert not summary.succeeded(0, verdict)
-    assert "collisions with obstacles 1: A" in shown(verdict)
+    where = f"A at ({x:.2f}, {y:.2f}), {t:.2f} s"
+    assert f"collisions with obstacles 1: {where}" in " ".join(shown(verdict).split())
     done = CliRunner().invoke(commands, ["judge", str(write_boxes(tmp_path, walled, {}))])
     assert done.exit_code == 1, done.output
 
