@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 
 from coordinator.plan.staircases import NO_STAIRCASES, Staircases
 from coordinator.proof import precedence
@@ -36,7 +37,7 @@ def sampled(pieces):
 def least_apart(ahead, behind, need):
     """Return the least distance at times need < t_ahead < t_behind - TAU; inf if there are none."""
     (t_ahead, p), (t_behind, q) = sampled(ahead), sampled(behind)
-    apart = np.hypot(*(p[:, None] - q[None]).transpose(2, 0, 1))
+    apart = cdist(p, q)
     counts = (t_ahead[:, None] < t_behind - TAU) & (t_ahead[:, None] > need)
     return apart[counts].min(initial=np.inf)
 
