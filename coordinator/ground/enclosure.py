@@ -35,10 +35,14 @@ class EnclosedError(PlanError):
     """A robot has no way to a `place`; a robot of `radius` [m] would pass.
 
     The radius is 0 if no robot would pass, None if only other starts or goals could help.
+    `closed`: what the robot has at the place that is closed in, its goal for instance.
     """
 
-    def __init__(self, reason: str, place: tuple[float, float], radius: float | None) -> None:
-        helps = "other starts or goals" if radius is None else "another goal or fewer obstacles"
+    def __init__(
+        self, reason: str, place: tuple[float, float], radius: float | None, closed: str
+    ) -> None:
+        helps = f"another {closed} or fewer obstacles"
+        helps = "other starts or goals" if radius is None else helps
         super().__init__(reason, place=place, helps="" if radius else helps)
         self.radius = radius
 
@@ -60,9 +64,11 @@ def explain(
     reach = space.ground.reach
     pieces = floor.free(reach)
     rooms = [_around(pieces, place) for place in (start, goal)]
-    shut = [room for room in rooms if room is not None]
+    shut, closed = [room for room in rooms if room is not None], goal
     if len(shut) == 2 and shut[0] is not shut[1]:
-        closing = _names_near(floor, min(shut, key=shapely.area), reach, part)
+        smaller = min(shut, key=shapely.area)
+        closed = start if smaller is shut[0] else goal
+        closing = _names_near(floor, smaller, reach, part)
         more = f" and {len(closing) - _NAMED} more" if len(closing) > _NAMED else ""
         by = " and ".join(closing[:_NAMED]) + more + " close it in"
     elif len(shut) == 2 and len(space.discs):
@@ -77,7 +83,14 @@ def explain(
         f"radius {robot.radius:.6g} m + margin {margin:.6g} m: {by}",
         (float(goal[0]), float(goal[1])),
         _largest_radius(error, floor, robot.radius, margin),
+        _what_is_at(robot, closed),
     )
+
+
+def _what_is_at(robot: Robot, place: Array) -> str:
+    """Return what a robot has at a place that it has to pass."""
+    ends = {"start": robot.start[:2], "goal": robot.goal[:2]}
+    return next((what for what, end in ends.items() if np.array_equal(end, place)), "via point")
 
 
 def _around(pieces: list[shapely.Geometry], place: Array) -> shapely.Geometry | None:

@@ -125,9 +125,12 @@ def _joined(
         rest = np.append(rest[:_SEEN], 0.0)
     found = leads(robot, pose, ahead, space)
     if not found:
+        end, told = ("start", robot.start) if pose is robot.start else ("goal", robot.goal)
         raise PlanError(
-            f"no room to move along heading {pose[2]:.2f} rad at ({pose[0]:.2f}, {pose[1]:.2f})",
+            f"no room to move along heading {told[-1]:.2f} rad at its {end} "
+            f"({pose[0]:.2f}, {pose[1]:.2f})",
             place=(pose[0], pose[1]),
+            helps="more room there or another heading",
         )
     ends = np.array([lead.last for lead in found])
     seen = space.keeping(np.repeat(ends, len(ahead), axis=0), np.tile(ahead, (len(found), 1)))

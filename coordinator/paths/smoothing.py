@@ -210,6 +210,6 @@ def _turnable(found: Fit, handling: Handling) -> Fit:
             f"min_turn_radius is {handling.min_turn_radius} m",
             radius,
             (float(x), float(y)),
-            "more room or another heading",
+            "a smaller min_turn_radius, more room, or other via points or headings",
         )
     return found

@@ -161,7 +161,10 @@ def plan_fleet(
         proof = prove_messages(plan, scenario, executor)
     except PartsError as error:
         reason = "a path cannot be sent: " + "; ".join(error.problems)
-        raise PlanError(reason, blames=error.robots[-1]) from None
+        (robot,) = (one for one in scenario.robots if one.id == error.robots[-1])
+        helps = "fewer via points" if robot.via else ""
+        helps = "weights that differ less, or another path" if robot.path else helps
+        raise PlanError(reason, blames=robot.id, helps=helps) from None
     marks.append(timer())
     names = ("paths", "zones", "schedule", "document", "proof")
     timing = {n: round(b - a, 4) for n, (a, b) in zip(names, pairwise(marks), strict=True)}

@@ -101,6 +101,18 @@ def test_where_no_radius_passes_another_goal_is_advised():
     assert "another goal or fewer obstacles would help" in text
 
 
+@pytest.mark.parametrize("closed", ["start", "via point", "goal"])
+def test_another_place_is_advised_for_that_which_is_closed_in(closed):
+    inside, outside = (7.0, 4.0), ((1.0, 4.0), (1.0, 7.0))
+    start, via, goal = {
+        "start": (inside, (), outside[0]),
+        "via point": (outside[0], (inside,), outside[1]),
+        "goal": (outside[0], (), inside),
+    }[closed]
+    text = refusal([a_robot("A", start, goal, via=via)], YARD)
+    assert text.endswith(f"; another {closed} or fewer obstacles would help")
+
+
 def test_refusals_on_random_floors_are_right_and_name_what_is_near():
     refused = 0
     for seed in seeds(300):

@@ -224,8 +224,17 @@ def test_paths_found_in_parts_by_threads_are_those_found_one_by_one():
 
 def test_a_robot_with_no_room_for_its_heading_is_told_so():
     facing_a_wall = a_robot("A", (1.0, 4.0, math.pi), (9.0, 4.0))
-    with pytest.raises(PlanError, match=r"^A: no room to move along heading 3\.14 rad"):
+    with pytest.raises(
+        PlanError, match=r"^A: no room to move along heading 3\.14 rad at its st"
+    ):
         path_of([facing_a_wall], [box(0, 3, 0.75, 5)])
+
+
+def test_a_robot_with_no_room_for_its_heading_at_the_goal_is_told_the_one_that_was_asked_for():
+    from_a_wall = a_robot("A", (9.0, 4.0), (1.0, 4.0, 0.25))
+    said = r"^A: no room to move along heading 0\.25 rad at its goal \(1\.00, 4\.00\); more room"
+    with pytest.raises(PlanError, match=said):
+        path_of([from_a_wall], [box(0, 3, 0.75, 5)])
 
 
 def test_paths_of_small_robots_far_from_the_origin_have_sharp_chords():

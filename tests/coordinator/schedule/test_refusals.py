@@ -30,6 +30,15 @@ def test_two_that_swap_in_a_corridor_are_named_with_the_places_on_each_others_wa
     assert str(error).endswith("A wider passage, a via point or another goal would help")
 
 
+@pytest.mark.parametrize("width", [0.5, 0.52, 0.55])
+def test_a_lane_hardly_wider_than_a_robot_is_refused_as_others_are(width):
+    """Between its places no robot can move, so that none can make room."""
+    robots = [a_robot("R1", (1, 0.25), (7, 0.25)), a_robot("R2", (4, 0.25), (4, 0.25))]
+    error = refusal(robots, size=(8.0, width), margin=0.05)
+    assert isinstance(error, BlockedError)
+    assert error.robots == ("R1", "R2")
+
+
 def test_a_robot_that_is_closed_in_is_blamed_with_the_radius_that_would_pass():
     walls = [box(5, 0, 5.5, 3.85), box(5, 4.15, 5.5, 8)]
     error = refusal([a_robot("R1", (1, 4), (9, 4))], obstacles=walls)
