@@ -46,6 +46,9 @@ class BlockedError(PlanError):
         blames = places[-1].on_way_of if places else robots[-1]
         where = (places[-1].x, places[-1].y) if places else None
         helps = _OTHER_PATH if is_given else _WIDER
+        idle = next((one.robot for one in places if one.end == "place"), None)
+        if idle is not None and len(robots) == 2:
+            helps = f"Another place for {idle}, which has no goal, or a wider passage"
         said = _said(robots, how, places)
         if how in ("either order", "ring") and not is_given:
             said = f"on the ways that were found, {said}"

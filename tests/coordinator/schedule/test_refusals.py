@@ -37,6 +37,8 @@ def test_a_lane_hardly_wider_than_a_robot_is_refused_as_others_are(width):
     error = refusal(robots, size=(8.0, width), margin=0.05)
     assert isinstance(error, BlockedError)
     assert error.robots == ("R1", "R2")
+    helps = "Another place for R2, which has no goal, or a wider passage would help"
+    assert str(error).endswith(helps)
 
 
 def test_a_robot_that_is_closed_in_is_blamed_with_the_radius_that_would_pass():
