@@ -37,7 +37,7 @@ from coordinator.schedule.junctions import FEW, Junctions
 from coordinator.schedule.neighbourhood_search import Improvement
 from coordinator.schedule.precedence import ring_of, stuck_pairs
 from coordinator.schedule.priority_order import Deadlock, find_schedule
-from coordinator.schedule.refusals import pair_error, ring_error
+from coordinator.schedule.refusals import BlockedError, pair_error, ring_error
 from coordinator.schedule.rerouting import latest_robots, quicker_by, with_reasons
 from coordinator.schedule.staircase_making import with_staircases
 from coordinator.schedule.timetable import Motions
@@ -329,9 +329,11 @@ class _Stages:
                 motions = self._several_legs(priorities)
                 if motions is not None:
                     return motions
-                raise self._refusal(pairs)
+                from coordinator.planning.several_legs import bound_robots
 
-    def _refusal(self, pairs: list[tuple[int, int]]) -> PlanError:
+                raise self._refusal(pairs).among(bound_robots(self.scenario))
+
+    def _refusal(self, pairs: list[tuple[int, int]]) -> BlockedError:
         """Return the error for a fleet in which these pairs block each other."""
         ring = ring_of(self.junctions)
         if len(ring) > 2 and self._block_each_other(ring):

@@ -84,15 +84,23 @@ class Legs:
         return self.ends[number - 1] if number else 0.0
 
 
+def bound_robots(scenario: Scenario) -> list[str]:
+    """Return the robots that may not drive from place to place as they like."""
+    return [
+        robot.id
+        for robot in scenario.robots
+        if robot.path is not None
+        or robot.via
+        or len(robot.start) == 3
+        or len(robot.goal) == 3
+        or robot.min_turn_radius > 0.0
+    ]
+
+
 def can_make_room(scenario: Scenario) -> bool:
     """Return whether robots are to drive, and all may drive from place to place as they like."""
-    return not all(robot.is_idle for robot in scenario.robots) and all(
-        robot.path is None
-        and not robot.via
-        and len(robot.start) == len(robot.goal) == 2
-        and robot.min_turn_radius == 0.0
-        for robot in scenario.robots
-    )
+    drives = any(not robot.is_idle for robot in scenario.robots)
+    return drives and not bound_robots(scenario)
 
 
 def find_legs(scenario: Scenario, finder: Pathfinder, tau: float) -> Iterator[list[Legs]]:

@@ -22,6 +22,9 @@ among the others; or robots block each other in a ring."""
 _WIDER: Final = "A wider passage, a via point or another goal"
 _OTHER_PATH: Final = "Another path for one of them"
 
+_NAMED: Final = 3
+"""How many robots are named for whose sake nobody could make room; the others are counted."""
+
 
 class PlaceOnWay(NamedTuple):
     """A robot's start or goal, or its place if it is idle, at (x, y) [m] on another robot's way."""
@@ -56,11 +59,25 @@ class BlockedError(PlanError):
         self.robots = tuple(robots)
         self.how = how
         self.places = tuple(places)
+        self.is_given = is_given
+        self.bound: tuple[str, ...] = ()
+        """Robots for whose sake nobody could make room."""
+
+    def among(self, bound: Sequence[str]) -> BlockedError:
+        """Return the error with the robots for whose sake nobody could make room."""
+        self.bound = tuple(bound)
+        return self
 
     @property
     def sentence(self) -> str:
         """The error in words."""
-        return f"{self.reason}; no way around was found. {self.helps} would help"
+        why = ""
+        if self.bound and not self.is_given:
+            more = f" and {len(self.bound) - _NAMED} more" if len(self.bound) > _NAMED else ""
+            who, have = ", ".join(self.bound[:_NAMED]), "has" if len(self.bound) == 1 else "have"
+            what = f"{have} a heading, via points, a min_turn_radius or a given path"
+            why = f", and robots do not make room for each other where {who}{more} {what}"
+        return f"{self.reason}; no way around was found{why}. {self.helps} would help"
 
 
 def pair_error(

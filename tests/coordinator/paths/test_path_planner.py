@@ -224,9 +224,7 @@ def test_paths_found_in_parts_by_threads_are_those_found_one_by_one():
 
 def test_a_robot_with_no_room_for_its_heading_is_told_so():
     facing_a_wall = a_robot("A", (1.0, 4.0, math.pi), (9.0, 4.0))
-    with pytest.raises(
-        PlanError, match=r"^A: no room to move along heading 3\.14 rad at its st"
-    ):
+    with pytest.raises(PlanError, match=r"^A: no room to move along heading 3\.14 rad at its st"):
         path_of([facing_a_wall], [box(0, 3, 0.75, 5)])
 
 
