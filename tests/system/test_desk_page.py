@@ -235,10 +235,10 @@ def test_alarms_are_whole_on_a_phone_and_a_robot_off_its_path_is_not_said_to_be_
     })"""
     with served(desk.app()) as address, browser(tmp_path / "profile") as tab:
         tab.screen(390, 844)
+        tab.open(address)  # First, since what is told grows old while a browser starts slowly.
         fleet.beat()
         for number, fault in enumerate((OFF_PATH, DRIVER_ERROR, OFF_PATH, DRIVER_ERROR), start=1):
             fleet.tell(keys.report(FLEET, f"R{number}"), a_report(FROZEN, fault))
-        tab.open(address)
         tab.wait(f"{ALARMS}.includes('R4')")
         assert tab.run("document.querySelectorAll('#alarms li').length") == 4
         assert tab.run(buttons)
