@@ -101,7 +101,7 @@ def _tried(scenario: Scenario, effort: int) -> Tried:
     marks = [time.process_time()]
     floor = GrownFloor(scenario.workspace.boundary, scenario.workspace.obstacles)
     graph = place_graph(scenario, floor, [robot.radius for robot in scenario.robots])
-    discrete = find_moves(graph)[0] == SOLVED
+    discrete = graph is not None and find_moves(graph)[0] == SOLVED
     marks.append(time.process_time())
     try:
         planned = plan_scenario(scenario, effort=effort).proof.holds

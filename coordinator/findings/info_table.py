@@ -163,7 +163,7 @@ def _grid(*rows: tuple[str, str]) -> Table:
 
 
 def _is_under_way(robot: RobotSummary) -> bool:
-    """Return whether a robot that arrived once drives on another course at the log's end."""
+    """Return whether a robot has not come to the end of its last course when the log ends."""
     return robot.planned_finish is not None and robot.late is None
 
 

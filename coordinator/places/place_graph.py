@@ -18,7 +18,6 @@ import numpy as np
 import scipy.ndimage as ndimage
 from scipy.spatial import KDTree
 
-from coordinator.base.errors import PlanError
 from coordinator.curves.nurbs import Array
 from coordinator.ground.free_space import NO_DISCS, Space
 from coordinator.ground.grown_floor import GrownFloor
@@ -62,11 +61,11 @@ class Graph:
 
 def place_graph(
     scenario: Scenario, floor: GrownFloor, radii: Sequence[float], density: float = 1.0
-) -> Graph:
+) -> Graph | None:
     """Return the graph for robots of a scenario, whose `radii` [m] are at most theirs.
 
     Places in between are at least 1 / `density` of the distance apart that robots at rest keep.
-    Raises PlanError if no robot can move from any place to another.
+    None if no robot can move from any place to another.
     """
     robots, margin = scenario.robots, scenario.margin
     kinds, kind = np.unique(np.round(radii, 6), return_inverse=True)
@@ -84,7 +83,7 @@ def place_graph(
     places = np.concatenate((ends, between))
     pairs, ways = _connected(places, spaces, spacing)
     if not ways:
-        raise PlanError("no two places are connected")
+        return None
     order = np.lexsort((pairs[:, 1], pairs[:, 0]))
     pairs, ways = pairs[order], [ways[k] for k in order.tolist()]
     spare = np.where(np.arange(len(places)) < len(ends), ROOM, _LESS_AT_ENDS)

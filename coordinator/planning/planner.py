@@ -331,7 +331,7 @@ class _Stages:
                     return motions
                 from coordinator.planning.several_legs import bound_robots
 
-                raise self._refusal(pairs).among(bound_robots(self.scenario))
+                raise self._refusal(pairs).bound_by(bound_robots(self.scenario))
 
     def _refusal(self, pairs: list[tuple[int, int]]) -> BlockedError:
         """Return the error for a fleet in which these pairs block each other."""

@@ -111,9 +111,8 @@ def find_legs(scenario: Scenario, finder: Pathfinder, tau: float) -> Iterator[li
     """
     radii = [robot.radius for robot in scenario.robots]
     for density in _DENSITIES if len(radii) <= FEW else _DENSITIES[:1]:
-        try:
-            graph = place_graph(scenario, finder.floor, radii, density)
-        except PlanError:
+        graph = place_graph(scenario, finder.floor, radii, density)
+        if graph is None:
             continue
         found = False
         for legs in _find_on(graph, scenario, finder, tau):

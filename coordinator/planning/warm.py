@@ -108,6 +108,7 @@ def _compile_places() -> None:
     workspace = floor.workspace
     grown = GrownFloor(workspace.boundary, workspace.obstacles)
     graph = place_graph(floor, grown, [robot.radius for robot in floor.robots])
+    assert graph is not None  # Its robots have room to move.
     for few in (len(floor.robots), 0):
         find_moves(graph, few)
     one_after_the_other(graph)

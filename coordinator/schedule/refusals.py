@@ -23,7 +23,7 @@ _WIDER: Final = "A wider passage, a via point or another goal"
 _OTHER_PATH: Final = "Another path for one of them"
 
 _NAMED: Final = 3
-"""How many robots are named for whose sake nobody could make room; the others are counted."""
+"""How many of the robots are named that have to drive as they are told; others are counted."""
 
 
 class PlaceOnWay(NamedTuple):
@@ -61,10 +61,10 @@ class BlockedError(PlanError):
         self.places = tuple(places)
         self.is_given = is_given
         self.bound: tuple[str, ...] = ()
-        """Robots for whose sake nobody could make room."""
+        """Robots that have to drive as they are told, so that nobody can make room."""
 
-    def among(self, bound: Sequence[str]) -> BlockedError:
-        """Return the error with the robots for whose sake nobody could make room."""
+    def bound_by(self, bound: Sequence[str]) -> BlockedError:
+        """Return the error with the robots that have to drive as they are told."""
         self.bound = tuple(bound)
         return self
 

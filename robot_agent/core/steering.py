@@ -35,7 +35,7 @@ _TIGHT_WAY = 0.04
 """A robot is near a tight bend if it has seen one less than this far ahead [m]."""
 
 _FAR = 2.0
-"""No robot looks as far ahead [m] as this."""
+"""No robot looks as far ahead [m] as this: a longer way that is clear limits it no more."""
 
 _PLACE_NOISE = 4e-3
 """There it is sought as far from its last place as a late tick lets it drive, and this [m] more."""
@@ -210,8 +210,8 @@ class PathFollower:
         """Return the curvature [rad/m] to drive, and set `reach`.
 
         `travel` [m] is the distance until the next tick.  To be called after `locate`: the
-        look-ahead begins at the tangent found there.  For a robot that stands, the result for the
-        last travel is kept.
+        look-ahead begins at the tangent found there.  For a robot that stands, and is not near a
+        tight bend, where it would change with `clear`, the result for the last travel is kept.
         """
         still_at = self._still_at
         if still_at < inf and travel == self._bend_travel and self.clear > _FAR:

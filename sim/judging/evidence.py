@@ -96,10 +96,10 @@ class _Told:
         """The time zero of each epoch."""
 
         self.start_now: dict[int, int] = {}
-        """The same, or to when it was put off while the fleet stood still."""
+        """The time zero that holds now: it is put off while the fleet stands still."""
 
         self.every_start: set[int] = set()
-        """All of these."""
+        """Every time zero that has held."""
 
         self.courses: dict[_Which, bytes] = {}
         self.begun: dict[_Which, int] = {}
@@ -107,7 +107,7 @@ class _Told:
         was sent."""
 
         self.zeros: dict[_Which, int] = {}
-        """The time zero of their epochs then."""
+        """The time zero that held when each course was begun."""
 
         self._newest: dict[tuple[str, int, int], _Which] = {}
 
@@ -131,6 +131,7 @@ class _Told:
                 self._begin(found, record.log_ns)
 
     def _begin(self, course: _Which, log_ns: int) -> None:
+        """Take in that a robot drives a course, the first time that it says so."""
         _, epoch, _, _ = course
         if course not in self.begun:
             self.begun[course] = log_ns

@@ -149,7 +149,7 @@ def test_whatever_happens_to_its_clock_start_and_link_a_robot_never_passes_its_a
 
 
 @pytest.mark.parametrize("told", [FREEZE, STOP])
-@pytest.mark.parametrize("milliseconds", range(0, 1_000, 170))
+@pytest.mark.parametrize("milliseconds", range(0, 1_000, 90))
 def test_a_robot_told_to_brake_before_the_end_of_its_authority_does_not_pass_it(told, milliseconds):
     run, line = granted_run(RULES, 0.5)
     run.authority = 2_500
