@@ -120,6 +120,7 @@ def _cells(map_text: str, scenario: Scenario) -> Graph:
     team = Team(
         nothing, starts, goals, np.array(left), nothing,
         np.arange(len(places)) == goals[:, None], np.full((1, 1), need), fits,
+        np.zeros(len(robots), np.bool_),
     )  # fmt: skip
     return Graph(at, edges, [at[list(pair)] for pair in pairs], team)
 

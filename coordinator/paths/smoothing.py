@@ -74,17 +74,18 @@ def smooth_near(
     space: Space,
     cut: float,
     narrow: Collection[tuple[float, float]] = (),
+    headed: tuple[bool, bool] = (False, False),
 ) -> Fit:
     """Return the cubic curve along a polygon (n, 2) [m] that cuts its corners by at most `cut` [m].
 
     exact (n,): vertices that the curve passes exactly; narrow: vertices beside which others may be,
-    so that sharp turns there lead hardly beyond them.  Raises PlanError if a turn has no room.
+    so that sharp turns there lead hardly beyond them; headed: as for `smooth`.  Raises PlanError if
+    a turn has no room.
     """
-    straight = False, False
-    polygon, exact = _without_straight(polygon, exact, straight)
-    blunted, passed = blunt(polygon, exact, space, straight, 0.0, narrow, swings=False)
+    polygon, exact = _without_straight(polygon, exact, headed)
+    blunted, passed = blunt(polygon, exact, space, headed, 0.0, narrow, swings=False)
     if blunted is not polygon:
-        polygon, exact = _without_straight(blunted, passed, straight)
+        polygon, exact = _without_straight(blunted, passed, headed)
     legs = np.diff(polygon, axis=0)
     sizes = np.hypot(legs[:, 0], legs[:, 1])
     # A corner that turns by theta, rounded over d, is cut by d / 3 * sin(theta / 2).

@@ -54,7 +54,7 @@ class Team(NamedTuple):
 
     rank (n,): robots of a higher one move first; done (n, V): at which places a robot may be in the
     end.  need (kinds, kinds) [m]: how far apart robots have to be; fits (kinds, edges): which edges
-    a kind can pass.
+    a kind can pass.  keeps (n,): robots that have to keep to one way, which leads to their goals.
     """
 
     kind: Indices
@@ -65,6 +65,7 @@ class Team(NamedTuple):
     done: Flags
     need: Array
     fits: Flags
+    keeps: Flags
 
 
 class Step(NamedTuple):
@@ -110,7 +111,7 @@ def costs_to(goals: Indices, edges: Edges, fits: Flags, extra: Array) -> Array:
             continue
         for e in range(edges.first[v], edges.first[v + 1]):
             further = cost + edges.cost[e] + extra[e]
-            if fits[e] and further < left[edges.to[e]]:
+            if fits[edges.back[e]] and further < left[edges.to[e]]:
                 left[edges.to[e]] = further
                 heapq.heappush(heap, (further, edges.to[e]))
     return left
@@ -566,11 +567,15 @@ def filling_order(edges: Edges, team: Team) -> Indices:
 
 @compiled
 def largest_part(edges: Edges, team: Team, occupant: Indices) -> Flags:
-    """Return which places (V,) make up the largest part that is connected past robots at rest."""
+    """Return which places (V,) make up the largest part that is connected past robots at rest.
+
+    It is connected for the largest robot that may drive anywhere.
+    """
     count, places = len(team.kind), len(edges.first) - 1
     largest = 0
     for robot in range(count):
-        if team.need[team.kind[robot], 0] > team.need[team.kind[largest], 0]:
+        larger = team.need[team.kind[robot], 0] > team.need[team.kind[largest], 0]
+        if not team.keeps[robot] and (larger or team.keeps[largest]):
             largest = robot
     part = np.full(places, -1)
     hub, most = -1, 0

@@ -121,11 +121,12 @@ def _stage(graph: Graph, robot: int, at: Indices, bound: Flags) -> Team:
     hub = largest_part(edges, team, occupant)
     aside = np.flatnonzero(hub & (closed < 0))
     out = [costs_to(aside, edges, fits, np.zeros(len(extra))) for fits in team.fits]
-    all_left = np.array([team.left[k] if bound[k] else out[kind[k]] for k in range(count)])
+    onward = bound | team.keeps
+    all_left = np.array([team.left[k] if onward[k] else out[kind[k]] for k in range(count)])
     all_left[robot] = left
     rank = np.where(bound, 0, np.where(hub[at], 2 + closed[at], len(way) + 2))
     rank[robot] = 1
-    done = np.where(bound[:, None], team.done, hub)
+    done = np.where(bound[:, None], team.done, hub | team.keeps[:, None])
     return team._replace(start=at.copy(), left=all_left, rank=rank, done=done)
 
 

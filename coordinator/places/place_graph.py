@@ -2,7 +2,7 @@
 
 The places are the robots' starts and goals, and others that are chosen so that a disc at one closes
 few of the others: ends of aisles, bays and corners first, then the rest of the floor, filled as
-densely as two discs may stand.
+densely as two discs may stand.  A robot that has to keep to one way has places along it.
 
 Decides: where places are and which of them are connected.  Must not know: who moves when.
 """
@@ -10,8 +10,9 @@ Decides: where places are and which of them are connected.  Must not know: who m
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -49,6 +50,9 @@ _PER_MOVE: Final = 0.3
 """What a move costs beside its length [m]: each is a place where the robot may have to stop."""
 
 
+NO_OWN_WAYS: Final[Mapping[int, Sequence[Array]]] = MappingProxyType({})
+
+
 @dataclass(frozen=True, eq=False)
 class Graph:
     """Places (V, 2) [m], the edges between them, and the way (n, 2) [m] along each edge."""
@@ -59,64 +63,139 @@ class Graph:
     team: Team
 
 
+@dataclass(frozen=True, eq=False)
+class _Net:
+    """Places (V, 2) [m] with their `spare` [m] (V,), and edges: `pairs` (edges, 2), `ways`.
+
+    owner (edges,): the only robot that may pass an edge, -1 if any robot may that has room.
+    """
+
+    places: Array
+    spare: Array
+    pairs: Indices
+    ways: list[Array]
+    owner: Indices
+
+    def with_own(self, robot: int, parts: Sequence[Array]) -> _Net:
+        """Return the net with a robot's own way; its places come last, in the order of driving."""
+        line = np.array([parts[0][0], *(part[-1] for part in parts)])
+        spare = np.full(len(line), _LESS_AT_ENDS)
+        spare[[0, -1]] = ROOM
+        numbers = len(self.places) + np.arange(len(line))
+        onward = np.column_stack((numbers[:-1], numbers[1:]))
+        return _Net(
+            np.concatenate((self.places, line)),
+            np.append(self.spare, spare),
+            np.concatenate((self.pairs, onward, onward[:, ::-1])),
+            [*self.ways, *parts, *(part[::-1] for part in parts)],
+            np.append(self.owner, np.full(2 * len(parts), robot)),
+        )
+
+    def edges(self, reach: float) -> tuple[Edges, _Net]:
+        """Return the edges with the places within `reach` [m] of each, and the net in their order.
+
+        Both directions of an edge are in `pairs`.
+        """
+        order = np.lexsort((self.pairs[:, 1], self.pairs[:, 0]))
+        ways = [self.ways[k] for k in order.tolist()]
+        net = _Net(self.places, self.spare, self.pairs[order], ways, self.owner[order])
+        origin, to = net.pairs.T.copy()
+        flat, begins = np.concatenate(ways), np.cumsum([0, *map(len, ways)])
+        legs = np.array([float(np.hypot(*np.diff(way, axis=0).T).sum()) for way in ways])
+        return Edges(
+            np.searchsorted(origin, np.arange(len(self.places) + 1)),
+            to,
+            legs + _PER_MOVE,
+            *places_near(flat, begins, origin, to, self.places, self.spare, reach),
+            origin,
+            np.lexsort((origin, to)),
+        ), net
+
+
+_EMPTY: Final = _Net(
+    np.empty((0, 2)), np.empty(0), np.empty((0, 2), np.int64), [], np.empty(0, np.int64)
+)
+
+
 def place_graph(
-    scenario: Scenario, floor: GrownFloor, radii: Sequence[float], density: float = 1.0
+    scenario: Scenario,
+    floor: GrownFloor,
+    radii: Sequence[float],
+    density: float = 1.0,
+    own_ways: Mapping[int, Sequence[Array]] = NO_OWN_WAYS,
 ) -> Graph | None:
     """Return the graph for robots of a scenario, whose `radii` [m] are at most theirs.
 
     Places in between are at least 1 / `density` of the distance apart that robots at rest keep.
+    `own_ways`: of each robot (index) that has to keep to one way, the parts (n, 2) [m] of that way,
+    two or more, at whose ends it may rest.
     None if no robot can move from any place to another.
     """
-    robots, margin = scenario.robots, scenario.margin
-    kinds, kind = np.unique(np.round(radii, 6), return_inverse=True)
-    need = kinds[:, None] + kinds[None, :] + margin + ROOM
-    ends = np.array([place[:2] for robot in robots for place in (robot.start, robot.goal)])
-    keep = kinds + margin
-    slack = floor.distance(ends) - np.repeat(keep[kind], 2)
+    robots, margin, sizes = scenario.robots, scenario.margin, np.round(radii, 6)
+    free = [index for index in range(len(robots)) if index not in own_ways]
+    kinds, of_free = np.unique(sizes[free], return_inverse=True)
+    ends = [place[:2] for k in free for place in (robots[k].start, robots[k].goal)]
+    places, whose = np.unique(np.reshape(ends, (-1, 2)), axis=0, return_inverse=True)
+    number = np.empty((len(robots), 2), np.int64)
+    number[free] = whose.reshape(-1, 2)
+    slack = (floor.distance(places)[number[free]] - kinds[of_free, None] - margin).min(axis=1)
     spaces = [
-        _space(floor, reach, float(slack.reshape(-1, 2)[kind == k].min()))
-        for k, reach in enumerate(keep.tolist())
+        _space(floor, radius + margin, float(slack[of_free == k].min()))
+        for k, radius in enumerate(kinds.tolist())
     ]
-    ends, whose = np.unique(ends, axis=0, return_inverse=True)
-    spacing = float(need[-1, -1]) + ROOM
-    between = _spread(floor, float(kinds[-1]) + margin + _TOUCH, spacing / density)
-    places = np.concatenate((ends, between))
-    pairs, ways = _connected(places, spaces, spacing)
-    if not ways:
+    net = _shared(places, spaces, floor, float(kinds[-1]), margin, density) if free else _EMPTY
+    for index, parts in own_ways.items():
+        number[index] = len(net.places) + np.array((0, len(parts)))
+        net = net.with_own(index, parts)
+    if not net.ways:
         return None
-    order = np.lexsort((pairs[:, 1], pairs[:, 0]))
-    pairs, ways = pairs[order], [ways[k] for k in order.tolist()]
-    spare = np.where(np.arange(len(places)) < len(ends), ROOM, _LESS_AT_ENDS)
-    flat, begins = np.concatenate(ways), np.cumsum([0, *map(len, ways)])
-    legs = np.array([float(np.hypot(*np.diff(way, axis=0).T).sum()) for way in ways])
-    first = np.searchsorted(pairs[:, 0], np.arange(len(places) + 1))
-    origin, to = pairs.T.copy()
-    edges = Edges(
-        first,
-        to,
-        legs + _PER_MOVE,
-        *places_near(flat, begins, origin, to, places, spare, float(need.max())),
-        origin,
-        np.lexsort((pairs[:, 0], pairs[:, 1])),
+    radius = np.append(kinds, sizes[list(own_ways)])
+    need = radius[:, None] + radius + margin + ROOM
+    edges, net = net.edges(float(need.max()))
+    onward = edges.origin < edges.to
+    fits = np.array(
+        [
+            (net.owner < 0) & [bool(space.keeping(way[:-1], way[1:]).all()) for way in net.ways]
+            for space in spaces
+        ]
+        + [(net.owner == index) & onward for index in own_ways]
     )
-    fits = np.array([[bool(space.keeping(w[:-1], w[1:]).all()) for w in ways] for space in spaces])
-    starts, goals = whose.reshape(-1, 2).T.astype(np.int64, order="C")
-    nothing = np.zeros(len(ways))
+    kind = np.empty(len(robots), np.int64)
+    kind[free], kind[list(own_ways)] = of_free, len(kinds) + np.arange(len(own_ways))
+    starts, goals = number.T.copy()
+    nothing = np.zeros(len(net.ways))
     left = np.array(
         [costs_to(goals[i : i + 1], edges, fits[k], nothing) for i, k in enumerate(kind)]
     )
-    count = len(robots)
     team = Team(
-        kind.astype(np.int64),
+        kind,
         starts,
         goals,
         left,
-        np.zeros(count, np.int64),
-        np.arange(len(places)) == goals[:, None],
+        np.zeros(len(robots), np.int64),
+        np.arange(len(net.places)) == goals[:, None],
         need,
         fits,
+        kind >= len(kinds),
     )
-    return Graph(places, edges, ways, team)
+    return Graph(net.places, edges, net.ways, team)
+
+
+def _shared(
+    ends: Array,
+    spaces: list[Space],
+    floor: GrownFloor,
+    radius: float,
+    margin: float,
+    density: float,
+) -> _Net:
+    """Return the net of robots that may drive anywhere, of at most this `radius` [m]."""
+    spacing = 2.0 * radius + margin + 2.0 * ROOM
+    between = _spread(floor, radius + margin + _TOUCH, spacing / density)
+    places = np.concatenate((ends, between))
+    spare = np.where(np.arange(len(places)) < len(ends), ROOM, _LESS_AT_ENDS)
+    pairs, ways = _connected(places, spaces, spacing)
+    return _Net(places, spare, pairs, ways, np.full(len(ways), -1))
 
 
 def _space(floor: GrownFloor, reach: float, spare: float) -> Space:

@@ -329,9 +329,11 @@ class _Stages:
                 motions = self._several_legs(priorities)
                 if motions is not None:
                     return motions
-                from coordinator.planning.several_legs import bound_robots
+                from coordinator.planning.several_legs import keeping_robots
 
-                raise self._refusal(pairs).bound_by(bound_robots(self.scenario))
+                robots = self.scenario.robots
+                kept = [robots[index].id for index in keeping_robots(self.scenario)]
+                raise self._refusal(pairs).kept_by(kept)
 
     def _refusal(self, pairs: list[tuple[int, int]]) -> BlockedError:
         """Return the error for a fleet in which these pairs block each other."""
@@ -346,9 +348,9 @@ class _Stages:
     def _several_legs(self, priorities: list[int]) -> list[Motion] | None:
         """Return motions in which robots make room for each other; None if none are found."""
         # The search over places is seldom needed, and importing it takes as long as a small plan.
-        from coordinator.planning.several_legs import can_make_room, find_legs, first_motions
+        from coordinator.planning.several_legs import find_legs, first_motions
 
-        if self._cannot_make_room or not can_make_room(self.scenario):
+        if self._cannot_make_room or all(robot.is_idle for robot in self.scenario.robots):
             return None
         self._cannot_make_room = True
         tau, best = self.tau + TAU_PAD, math.inf

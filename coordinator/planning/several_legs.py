@@ -11,9 +11,11 @@ searched, the proof.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -25,6 +27,7 @@ from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.motion.message_room import ROOM as MESSAGE_ROOM
 from coordinator.motion.message_room import path_bytes
 from coordinator.motion.velocity_profile import Motion, Wait
+from coordinator.paths.end_headings import check_headings
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.paths.smoothing import smooth_near
 from coordinator.paths.spline_fit import lengths_along
@@ -39,6 +42,12 @@ from coordinator.schedule.track import Track
 
 _CUT: Final = 0.4 * ROOM
 """Corners are cut by at most this much [m], so that two robots do not use up the edges' room."""
+
+_CHORD: Final = 0.02
+"""The length [m] of the chords in place of a curve that a robot has to keep to."""
+
+_LEAD: Final = 0.5 * ROOM
+"""A robot leaves a start, or reaches a goal, with a heading straight on for this much [m]."""
 
 _STEP: Final = 0.05
 """Where a robot is out of another one's way is looked for in such steps [m]."""
@@ -84,23 +93,13 @@ class Legs:
         return self.ends[number - 1] if number else 0.0
 
 
-def bound_robots(scenario: Scenario) -> list[str]:
-    """Return the robots that may not drive from place to place as they like."""
+def keeping_robots(scenario: Scenario) -> list[int]:
+    """Return the robots (by index) that keep to one way: nobody makes them step aside."""
     return [
-        robot.id
-        for robot in scenario.robots
-        if robot.path is not None
-        or robot.via
-        or len(robot.start) == 3
-        or len(robot.goal) == 3
-        or robot.min_turn_radius > 0.0
+        index
+        for index, robot in enumerate(scenario.robots)
+        if robot.path is not None or robot.via or robot.min_turn_radius > 0.0
     ]
-
-
-def can_make_room(scenario: Scenario) -> bool:
-    """Return whether robots are to drive, and all may drive from place to place as they like."""
-    drives = any(not robot.is_idle for robot in scenario.robots)
-    return drives and not bound_robots(scenario)
 
 
 def find_legs(scenario: Scenario, finder: Pathfinder, tau: float) -> Iterator[list[Legs]]:
@@ -110,20 +109,35 @@ def find_legs(scenario: Scenario, finder: Pathfinder, tau: float) -> Iterator[li
     tried if there are no paths between fewer.
     """
     radii = [robot.radius for robot in scenario.robots]
+    kept = _own_ways(scenario, finder)
+    ways = {index: one.parts for index, one in kept.items()}
     for density in _DENSITIES if len(radii) <= FEW else _DENSITIES[:1]:
-        graph = place_graph(scenario, finder.floor, radii, density)
+        graph = place_graph(scenario, finder.floor, radii, density, ways)
         if graph is None:
             continue
         found = False
-        for legs in _find_on(graph, scenario, finder, tau):
+        for legs in _find_on(graph, scenario, finder, tau, kept):
             found = True
             yield legs
         if found:
             return
 
 
+def _own_ways(scenario: Scenario, finder: Pathfinder) -> dict[int, _OwnWay]:
+    """Return the ways of the robots that keep to one, by index."""
+    robots = scenario.robots
+    return {
+        index: _OwnWay.along(finder.path(index), robots[index].radius)
+        for index in keeping_robots(scenario)
+    }
+
+
 def _find_on(
-    graph: Graph, scenario: Scenario, finder: Pathfinder, tau: float
+    graph: Graph,
+    scenario: Scenario,
+    finder: Pathfinder,
+    tau: float,
+    kept: Mapping[int, _OwnWay],
 ) -> Iterator[list[Legs]]:
     """Yield paths of several legs between the places of a graph."""
     outcome, found = find_moves(graph)
@@ -132,32 +146,37 @@ def _find_on(
     spaces = [finder.space(robot) for robot in scenario.robots]
 
     def is_clear(robot: int, start: Array, end: Array) -> bool:
-        return bool(spaces[robot].keeping(start[None], end[None])[0])
+        return robot not in kept and bool(spaces[robot].keeping(start[None], end[None])[0])
 
     if len(spaces) > FEW and len(graph.team.need) == 1:
         speed = max(scenario.planned_speed(robot) for robot in scenario.robots)
         early, share = early_moves(graph, found, speed * tau)
         with suppress(PlanError):
             # Where robots pass fewer places, they wait longer for each other.
-            legs = _legs(scenario, finder, _driven(graph, early))
+            legs = _legs(scenario, finder, _driven(graph, early), kept)
             long = {k for k, one in enumerate(legs) if path_bytes(len(one.path.points)) > _LONG}
             if long:
                 fewer = straightened(
                     _driven(graph, early),
                     lambda robot, start, end: robot in long and is_clear(robot, start, end),
                 )
-                legs = _legs(scenario, finder, fewer)
+                legs = _legs(scenario, finder, fewer, kept)
             yield legs
             if share < _CLEARLY:
                 return
     with suppress(PlanError):
-        yield _legs(scenario, finder, straightened(_driven(graph, found), is_clear))
+        yield _legs(scenario, finder, straightened(_driven(graph, found), is_clear), kept)
 
 
-def _legs(scenario: Scenario, finder: Pathfinder, moves: Moves) -> list[Legs]:
+def _legs(
+    scenario: Scenario, finder: Pathfinder, moves: Moves, kept: Mapping[int, _OwnWay]
+) -> list[Legs]:
     """Return paths along moves; raises PlanError if a robot has no room to drive its moves."""
     in_turn, tight = enumerate(zip(scenario.robots, _in_turn(moves), strict=True)), _tight(scenario)
-    return [_along(robot, finder, index, legs, tight) for index, (robot, legs) in in_turn]
+    return [
+        kept[index].driven(legs) if index in kept else _along(robot, finder, index, legs, tight)
+        for index, (robot, legs) in in_turn
+    ]
 
 
 def _tight(scenario: Scenario) -> set[tuple[float, float]]:
@@ -253,6 +272,32 @@ def _clear_at(line: shapely.Geometry, other: shapely.Geometry, need: float) -> f
     return float(at[near][-1] + 2.0 * _STEP) if near.any() else 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class _OwnWay:
+    """The path of a robot that keeps to it, in `parts` (n, 2) [m]; `ends` [m]: where these end."""
+
+    path: Nurbs
+    parts: list[Array]
+    ends: list[float]
+
+    @classmethod
+    def along(cls, path: Nurbs, size: float) -> _OwnWay:
+        """Cut a path into equal parts, two or more, each at most `size` [m] long."""
+        marks = np.linspace(0.0, path.length, 1 + max(math.ceil(path.length / size), 2))
+        steps = 1 + math.ceil(marks[1] / _CHORD)
+        parts = [path.at_arc(np.linspace(a, b, 1 + steps)) for a, b in pairwise(marks)]
+        return cls(path, parts, marks[1:].tolist())
+
+    def driven(self, legs: list[Leg]) -> Legs:
+        """Return the path with a robot's legs, one along each part."""
+        return Legs(self.path, legs, self.ends, _rests(legs))
+
+
+def _rests(legs: Sequence[Leg]) -> list[int]:
+    """Return the legs (by number) before which a robot may have to wait for others."""
+    return [number for number, leg in enumerate(legs) if number and leg.after]
+
+
 def _along(
     robot: Robot,
     finder: Pathfinder,
@@ -263,13 +308,26 @@ def _along(
     """Return the path along a robot's legs; a robot without legs keeps its place."""
     if not legs:
         return Legs(finder.path(index), [], [], [])
-    rests = [number for number, leg in enumerate(legs) if number and leg.after]
+    rests, headed = _rests(legs), (len(robot.start) == 3, len(robot.goal) == 3)
     vertices = np.concatenate([legs[0].way[:1], *(leg.way[1:] for leg in legs)])
     last = np.cumsum([len(leg.way) - 1 for leg in legs])
+    if headed[0]:
+        vertices = np.insert(vertices, 1, _beside(robot.start, _LEAD), axis=0)
+        last += 1
+    if headed[1]:
+        vertices = np.insert(vertices, -1, _beside(robot.goal, -_LEAD), axis=0)
+        last[-1] += 1
     exact = np.zeros(len(vertices), dtype=np.bool_)
     exact[[0, -1, *(int(last[rest - 1]) for rest in rests)]] = True
-    found = smooth_near(vertices, exact, finder.space(robot), _CUT, tight)
+    found = smooth_near(vertices, exact, finder.space(robot), _CUT, tight, headed)
+    check_headings(robot, found.curve)
     at_rest = found.curve.arc_at(found.at[found.exact])
     along = lengths_along(vertices)
     ends = np.interp(along[last], along[exact], at_rest)
     return Legs(found.curve, legs, ends.tolist(), rests)
+
+
+def _beside(pose: Sequence[float], ahead: float) -> tuple[float, float]:
+    """Return the place [m] that lies `ahead` [m] of a pose with a heading."""
+    x, y, heading = pose
+    return x + ahead * math.cos(heading), y + ahead * math.sin(heading)

@@ -60,23 +60,27 @@ class BlockedError(PlanError):
         self.how = how
         self.places = tuple(places)
         self.is_given = is_given
-        self.bound: tuple[str, ...] = ()
-        """Robots that have to drive as they are told, so that nobody can make room."""
+        self.kept: tuple[str, ...] = ()
+        """Robots of the fleet that keep to one way each, and do not make room for others."""
 
-    def bound_by(self, bound: Sequence[str]) -> BlockedError:
-        """Return the error with the robots that have to drive as they are told."""
-        self.bound = tuple(bound)
+    def kept_by(self, kept: Sequence[str]) -> BlockedError:
+        """Return the error with the robots of the fleet that keep to one way each."""
+        self.kept = tuple(kept)
         return self
 
     @property
     def sentence(self) -> str:
         """The error in words."""
         why = ""
-        if self.bound and not self.is_given:
-            more = f" and {len(self.bound) - _NAMED} more" if len(self.bound) > _NAMED else ""
-            who, have = ", ".join(self.bound[:_NAMED]), "has" if len(self.bound) == 1 else "have"
-            what = f"{have} a heading, via points, a min_turn_radius or a given path"
-            why = f", and robots do not make room for each other where {who}{more} {what}"
+        if self.kept and not self.is_given:
+            more = f" and {len(self.kept) - _NAMED} more" if len(self.kept) > _NAMED else ""
+            who, does, have = ", ".join(self.kept[:_NAMED]), "does", "has"
+            if len(self.kept) > 1:
+                does, have = "do", "have"
+            why = (
+                f", and {who}{more} {does} not step aside for others, because of the via points, "
+                f"min_turn_radius or path that {'they' if have == 'have' else 'it'} {have}"
+            )
         return f"{self.reason}; no way around was found{why}. {self.helps} would help"
 
 

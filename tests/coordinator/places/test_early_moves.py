@@ -48,7 +48,7 @@ def graph_of(cells, starts, goals):
     team = Team(
         np.zeros(count, dtype=np.int64), starts, goals, np.array(left),
         np.zeros(count, dtype=np.int64), np.arange(len(places)) == goals[:, None],
-        np.full((1, 1), NEED), fits,
+        np.full((1, 1), NEED), fits, np.zeros(count, np.bool_),
     )  # fmt: skip
     return Graph(at, edges, [at[list(pair)] for pair in pairs], team)
 

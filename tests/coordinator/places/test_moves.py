@@ -42,6 +42,7 @@ def graph_of(joined, starts, goals, near=()):
         np.arange(size) == goals[:, None],
         np.full((1, 1), NEED),
         fits,
+        np.zeros(count, dtype=np.bool_),
     )
     return Graph(np.zeros((size, 2)), edges, [np.zeros((2, 2))] * len(pairs), team)
 

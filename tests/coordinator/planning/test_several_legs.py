@@ -3,13 +3,15 @@
 import math
 
 import pytest
+from msgspec.structs import replace
 
 from benchmarks.movingai_maps import drawn
 from coordinator.exchange.movingai import Bodies, scenario_of
 from coordinator.plan.plan_file import to_json
 from coordinator.planning import planner, several_legs
 from coordinator.planning.planner import plan_scenario
-from coordinator.scenario.model import Robot, Scenario, Workspace
+from coordinator.scenario.model import GivenPath, Robot, Scenario, Workspace
+from coordinator.schedule.refusals import BlockedError
 from sim.floors.generator import RADIUS, generate
 from tests.crowds import crowd as crowd_of
 from tests.crowds import square
@@ -22,6 +24,7 @@ TEE = Workspace(
         ((0.35, -3.0), (3.0, -3.0), (3.0, 0.0), (0.35, 0.0)),
     ),
 )
+BENT = ((2.5, 0.35), (0.1, 0.35), (0.0, 0.35), (0.0, 0.25), (0.0, -2.6))
 
 
 def robot(name, start, goal):
@@ -38,6 +41,39 @@ def test_three_robots_exchange_their_places_at_a_junction():
     plan = plan_scenario(scenario)
     assert plan.proof.holds
     assert complaints(to_json(plan), scenario) == []
+
+
+@pytest.mark.parametrize(
+    ("which", "told"),
+    [
+        (0, {"start": (-2.5, 0.35, 0.5 * math.pi), "goal": (2.5, 0.35, math.pi)}),
+        (1, {"start": (2.5, 0.35, 0.0), "goal": (0.0, -2.6, 0.0)}),
+        (0, {"via": ((-1.0, 0.3), (1.0, 0.4))}),
+        (1, {"via": ((0.1, 0.25),)}),
+        (0, {"min_turn_radius": 0.5}),
+        (0, {"path": GivenPath(degree=1, control_points=((-2.5, 0.35), (2.5, 0.35)))}),
+        (1, {"path": GivenPath(degree=2, control_points=BENT)}),
+    ],
+)
+def test_others_make_room_for_a_robot_that_keeps_to_its_way_or_has_headings(which, told):
+    places = [(-2.5, 0.35), (2.5, 0.35), (0.0, -2.6)]
+    robots = [robot(f"R{k}", places[k], places[(k + 1) % 3]) for k in range(3)]
+    robots[which] = replace(robots[which], **told)
+    scenario = Scenario(name="tee", workspace=TEE, robots=tuple(robots), margin=0.05)
+    plan = plan_scenario(scenario)
+    assert plan.proof.holds
+    assert complaints(to_json(plan), scenario) == []
+
+
+def test_two_robots_that_keep_to_one_way_are_named_where_nobody_can_make_room():
+    robots = [robot("A", (-2.5, 0.35), (2.5, 0.35)), robot("B", (2.5, 0.35), (-2.5, 0.35))]
+    robots = tuple(replace(one, via=((0.0, 0.35),)) for one in robots)
+    corridor = Workspace(boundary=((-3.0, 0.0), (3.0, 0.0), (3.0, 0.7), (-3.0, 0.7)))
+    scenario = Scenario(name="corridor", workspace=corridor, robots=robots, margin=0.05)
+    with pytest.raises(BlockedError) as refused:
+        plan_scenario(scenario)
+    assert refused.value.kept == ("A", "B")
+    assert "A, B do not step aside for others" in str(refused.value)
 
 
 @pytest.mark.parametrize(("kind", "robots"), [("bays", 3), ("puzzle", 8)])
@@ -82,7 +118,7 @@ def test_a_crowd_that_would_wait_for_long_makes_room_instead(tmp_path):
 
 def test_a_robot_that_finds_no_way_at_first_goes_before_those_in_its_way(monkeypatch, tmp_path):
     """In an order of robots they would take 1.8 times as long as along straight lines."""
-    monkeypatch.setattr(several_legs, "can_make_room", lambda _: False)
+    monkeypatch.setattr(several_legs, "find_legs", lambda *_: iter(()))
     scenario, straight = crowd("random-32-32-20", tmp_path)
     plan = plan_scenario(scenario)
     assert plan.proof.holds
@@ -97,7 +133,7 @@ def test_a_plan_in_which_robots_wait_is_kept_where_making_room_takes_longer(monk
     scenario = generate("rooms", 16, 1)
     compared = plan_scenario(scenario)
     assert len(asked) == 1
-    monkeypatch.setattr(several_legs, "can_make_room", lambda _: False)
+    monkeypatch.setattr(several_legs, "find_legs", lambda *_: iter(()))
     assert to_json(plan_scenario(scenario)) == to_json(compared)
     assert compared.proof.holds
 
