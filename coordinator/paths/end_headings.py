@@ -35,6 +35,10 @@ _TINY: Final = (0.4, 0.8)
 
 No lead is shorter than the shortest of all these lengths: rounding to float32 would turn it."""
 
+_LAST: Final = (0.03, 0.01)
+"""Lengths [m] that are tried where there is room for no other lead: the robot all but turns where
+it stands."""
+
 _PER_RADIUS: Final = 6.0
 """Length of a further straight lead, for robots that turn wide, per metre of min_turn_radius."""
 
@@ -98,6 +102,11 @@ def leads(robot: Robot, pose: Sequence[float], ahead: Array, space: Space) -> li
     for radius in _radii(robot):
         for side in (1, -1):
             found += _around(pose, radius, side)
+    return _clear(found, pose, space) or _clear([_straight(pose, s) for s in _LAST], pose, space)
+
+
+def _clear(found: list[Lead], pose: Sequence[float], space: Space) -> list[Lead]:
+    """Return those leads that are clear; those around one circle are in the order of lengths."""
     place = np.array(pose[:2])
     ends = np.array([lead.last for lead in found])
     begins = np.array([lead.vertices[-2] if len(lead.vertices) > 1 else place for lead in found])

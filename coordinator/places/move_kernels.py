@@ -120,11 +120,17 @@ def costs_to(goals: Indices, edges: Edges, fits: Flags, extra: Array) -> Array:
 @compiled
 def in_the_way(robot: int, e: int, edges: Edges, team: Team, occupant: Indices) -> int:
     """Return a robot that stands in another robot's way along an edge; -1 if there is none."""
+    return _who_closes(e, team.kind[robot], robot, edges, team, occupant)
+
+
+@compiled
+def _who_closes(e: int, kind: int, but: int, edges: Edges, team: Team, occupant: Indices) -> int:
+    """Return a robot, `but` not this one, that closes an edge to a kind of robots; -1 if none."""
     for k in range(edges.near_first[e], edges.near_first[e + 1]):
         other = occupant[edges.near[k]]
-        if other < 0 or other == robot:
+        if other < 0 or other == but:
             continue
-        if edges.gap[k] < team.need[team.kind[robot], team.kind[other]]:
+        if edges.gap[k] < team.need[kind, team.kind[other]]:
             return int(other)
     return -1
 
@@ -172,7 +178,8 @@ def _prepare(robot: int, pushed: bool, edges: Edges, team: Team, step: Step) -> 
             continue
         step.noise[0] = (step.noise[0] * 1103515245 + 12345) % 2147483648
         tie = 1e-3 * (step.noise[0] / 2147483648.0) + (0.01 if step.occupant[to] >= 0 else 0.0)
-        keys[e - begin] = left + tie
+        # Short edges leave more room to those that have to go out of the way.
+        keys[e - begin] = left + tie + 0.01 * edges.cost[e]
         count += 1
     step.options[robot, :count] = begin + np.argsort(keys)[:count]
     step.untried[robot, 0], step.untried[robot, 1] = 0, count
@@ -552,11 +559,7 @@ def filling_order(edges: Edges, team: Team) -> Indices:
             goal = team.goal[robot]
             if occupant[goal] != robot:
                 continue
-            reached = False
-            for e in range(edges.first[goal], edges.first[goal + 1]):
-                inwards = edges.back[e]
-                if hub[edges.to[e]] and team.fits[team.kind[robot], inwards]:
-                    reached |= in_the_way(robot, inwards, edges, team, occupant) < 0
+            reached = _is_reached(goal, robot, hub, edges, team, occupant)
             way = team.left[robot, team.start[robot]] + (0.0 if reached else 1e9)
             if way < best:
                 chosen, best = robot, way
@@ -566,17 +569,56 @@ def filling_order(edges: Edges, team: Team) -> Indices:
 
 
 @compiled
-def largest_part(edges: Edges, team: Team, occupant: Indices) -> Flags:
-    """Return which places (V,) make up the largest part that is connected past robots at rest.
+def _is_reached(
+    goal: int, robot: int, hub: Flags, edges: Edges, team: Team, occupant: Indices
+) -> bool:
+    """Return whether a robot can get to a goal from the hub, which ends beside its own place."""
+    seen = np.zeros(len(hub), np.bool_)
+    seen[goal] = True
+    queue = [goal]
+    while queue:
+        here = queue.pop()
+        if hub[here]:
+            return True
+        for e in range(edges.first[here], edges.first[here + 1]):
+            to, inwards = edges.to[e], edges.back[e]
+            if seen[to] or not team.fits[team.kind[robot], inwards]:
+                continue
+            if in_the_way(robot, inwards, edges, team, occupant) < 0:
+                seen[to] = True
+                queue.append(to)
+    return False
 
-    It is connected for the largest robot that may drive anywhere.
-    """
-    count, places = len(team.kind), len(edges.first) - 1
+
+@compiled
+def _largest_kind(team: Team) -> int:
+    """Return the kind of the largest robots among those that may drive anywhere."""
     largest = 0
-    for robot in range(count):
+    for robot in range(len(team.kind)):
         larger = team.need[team.kind[robot], 0] > team.need[team.kind[largest], 0]
         if not team.keeps[robot] and (larger or team.keeps[largest]):
             largest = robot
+    return int(team.kind[largest])
+
+
+@compiled
+def _open_edges(edges: Edges, team: Team, occupant: Indices) -> Flags:
+    """Return which edges (e,) the largest robots can pass beside robots at rest."""
+    kind = _largest_kind(team)
+    found = np.empty(len(edges.to), np.bool_)
+    for e in range(len(found)):
+        is_free = occupant[edges.to[e]] < 0 and team.fits[kind, e]
+        found[e] = is_free and _who_closes(e, kind, -1, edges, team, occupant) < 0
+    return found
+
+
+@compiled
+def largest_part(edges: Edges, team: Team, occupant: Indices) -> Flags:
+    """Return which places (V,) make up the largest part that is connected past robots at rest.
+
+    It is connected for the largest robots that may drive anywhere.
+    """
+    places, passable = len(edges.first) - 1, _open_edges(edges, team, occupant)
     part = np.full(places, -1)
     hub, most = -1, 0
     for v in range(places):
@@ -589,14 +631,49 @@ def largest_part(edges: Edges, team: Team, occupant: Indices) -> Flags:
             size += 1
             for e in range(edges.first[here], edges.first[here + 1]):
                 to = edges.to[e]
-                if part[to] >= 0 or occupant[to] >= 0 or not team.fits[team.kind[largest], e]:
-                    continue
-                if in_the_way(largest, e, edges, team, occupant) < 0:
+                if passable[e] and part[to] < 0:
                     part[to] = v
                     queue.append(to)
         if size > most:
             hub, most = v, size
     return np.asarray(part == hub)
+
+
+@compiled
+def leaves_open(goal: int, hub: Flags, edges: Edges, team: Team, occupant: Indices) -> Flags:
+    """Return at which places of the hub (V,) a robot does not part a goal from most of the hub.
+
+    Robots at `occupant` (V,) do not move.
+    """
+    places, kind = len(hub), _largest_kind(team)
+    passable, need = _open_edges(edges, team, occupant), team.need[kind, kind]
+    closed_by = np.full(len(edges.to), -1)
+    seen = np.full(places, -1)
+    beside = np.argsort(edges.near)
+    first = np.searchsorted(edges.near[beside], np.arange(places + 1))
+    of_edge = np.empty(len(edges.near), np.int64)
+    for e in range(len(edges.to)):
+        of_edge[edges.near_first[e] : edges.near_first[e + 1]] = e
+    size = hub.sum()
+    found = np.zeros(places, np.bool_)
+    for place in range(places):
+        if not hub[place] or place == goal:
+            continue
+        for k in beside[first[place] : first[place + 1]]:
+            if edges.gap[k] < need:
+                closed_by[of_edge[k]] = place
+        queue, reached = [goal], 0
+        seen[goal] = place
+        while queue:
+            here = queue.pop()
+            reached += hub[here]
+            for e in range(edges.first[here], edges.first[here + 1]):
+                to = edges.to[e]
+                if passable[e] and closed_by[e] != place and seen[to] != place:
+                    seen[to] = place
+                    queue.append(to)
+        found[place] = 2 * reached > size
+    return found
 
 
 @compiled

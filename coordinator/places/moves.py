@@ -14,6 +14,8 @@ from coordinator.places.move_kernels import (
     GAVE_UP,
     NONE,
     SOLVED,
+    Array,
+    Edges,
     Flags,
     Indices,
     Team,
@@ -21,6 +23,7 @@ from coordinator.places.move_kernels import (
     filling_order,
     largest_part,
     least_moves,
+    leaves_open,
     rerouted,
     some_moves,
 )
@@ -34,12 +37,15 @@ _STEPS: Final = 100_000
 """LaCAM takes this many steps, divided by the number of robots."""
 
 _STAGE_STEPS: Final = 40_000
+_LEAST_STEPS: Final = 1_000
 _FAILURES: Final = 40
-"""The same for each robot that is tried in a stage; _FAILURES of these may fail in all."""
+"""The same for each robot that is tried in a stage, at least _LEAST_STEPS; _FAILURES of these may
+fail in all."""
 
 _PAST_OTHER: Final = 2.0
-_PAST_BOUND: Final = 20.0
-"""What it costs to choose a way past another robot, and past one at its goal."""
+_PAST_BOUND: Final = 100.0
+"""What it costs to choose a way past another robot, and past one at its goal: that one would have
+to come back to its goal, and another robot may have taken its way by then."""
 
 _STATES: Final = 300_000_000
 _PASSES: Final = 3
@@ -70,11 +76,12 @@ def one_after_the_other(graph: Graph) -> tuple[int, Indices]:
     """Find moves in stages, each of which brings one more robot to its goal for good.
 
     In a stage the robots that are in its way move out of it first, those nearest to its goal ahead
-    of the others.
+    of the others.  They go to where they part no goal from the rest of the floor: in a lane they
+    could be in its way again when it has had to let them out.
     """
     edges, team = graph.edges, graph.team
     count = len(team.start)
-    steps = _STAGE_STEPS // count
+    steps = max(_STAGE_STEPS // count, _LEAST_STEPS)
     found = [np.empty((0, 2), np.int64)]
     at, bound = team.start.copy(), np.zeros(count, np.bool_)
     pending, failures = filling_order(edges, team).tolist(), 0
@@ -100,11 +107,9 @@ def _stage(graph: Graph, robot: int, at: Indices, bound: Flags) -> Team:
     edges, team = graph.edges, graph.team
     count, kind = len(at), team.kind
     # Ways that others block cost more, ways past robots at their goals most.
-    blocked = np.zeros(len(graph.places))
-    blocked[at] = np.where(bound, _PAST_BOUND, _PAST_OTHER)
-    blocked[at[robot]] = 0.0
-    sums = np.append(0.0, np.cumsum(blocked[edges.near]))
-    extra = sums[edges.near_first[1:]] - sums[edges.near_first[:-1]]
+    blocked = np.where(bound, _PAST_BOUND, _PAST_OTHER)
+    blocked[robot] = 0.0
+    extra = _extra(edges, at, blocked)
     left = costs_to(team.goal[robot : robot + 1], edges, team.fits[kind[robot]], extra)
     way, here = [], int(at[robot])
     while here != team.goal[robot]:
@@ -119,15 +124,27 @@ def _stage(graph: Graph, robot: int, at: Indices, bound: Flags) -> Team:
     occupant = np.full(len(graph.places), -1)
     occupant[team.goal[bound]] = np.flatnonzero(bound)
     hub = largest_part(edges, team, occupant)
-    aside = np.flatnonzero(hub & (closed < 0))
-    out = [costs_to(aside, edges, fits, np.zeros(len(extra))) for fits in team.fits]
-    onward = bound | team.keeps
-    all_left = np.array([team.left[k] if onward[k] else out[kind[k]] for k in range(count)])
+    occupant[team.goal[robot]] = -1
+    aside = np.flatnonzero(
+        hub & (closed < 0) & leaves_open(int(team.goal[robot]), hub, edges, team, occupant)
+    )
+    past_bound = _extra(edges, at, np.where(blocked == _PAST_BOUND, _PAST_BOUND, 0.0))
+    out = [costs_to(aside, edges, fits, past_bound) for fits in team.fits]
+    to_goal = bound | team.keeps
+    all_left = np.array([team.left[k] if to_goal[k] else out[kind[k]] for k in range(count)])
     all_left[robot] = left
     rank = np.where(bound, 0, np.where(hub[at], 2 + closed[at], len(way) + 2))
     rank[robot] = 1
     done = np.where(bound[:, None], team.done, hub | team.keeps[:, None])
     return team._replace(start=at.copy(), left=all_left, rank=rank, done=done)
+
+
+def _extra(edges: Edges, at: Indices, costs: Array) -> Array:
+    """Return what each edge (e,) costs because of the robots, at places (n,), that it passes."""
+    of_place = np.zeros(len(edges.first) - 1)
+    of_place[at] = costs
+    sums = np.append(0.0, np.cumsum(of_place[edges.near]))
+    return np.asarray(sums[edges.near_first[1:]] - sums[edges.near_first[:-1]])
 
 
 def _shortened(graph: Graph, moves: Indices) -> Indices:

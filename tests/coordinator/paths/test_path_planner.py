@@ -225,14 +225,24 @@ def test_paths_found_in_parts_by_threads_are_those_found_one_by_one():
 def test_a_robot_with_no_room_for_its_heading_is_told_so():
     facing_a_wall = a_robot("A", (1.0, 4.0, math.pi), (9.0, 4.0))
     with pytest.raises(PlanError, match=r"^A: no room to move along heading 3\.14 rad at its st"):
-        path_of([facing_a_wall], [box(0, 3, 0.75, 5)])
+        path_of([facing_a_wall], [box(0, 3, 0.775, 5)])
+
+
+@pytest.mark.parametrize("room", [0.07, 0.03, 0.015])
+def test_a_robot_that_faces_a_wall_all_but_turns_where_it_stands(room):
+    facing_a_wall = a_robot("A", (1.0, 4.0, math.pi), (9.0, 4.0))
+    path = path_of([facing_a_wall], [box(0, 3, 0.78 - room, 5)])
+    assert path.points[:, 0].min() >= 1.0 - room
+    assert path.length < 8.25
+    along = path.points[1] - path.points[0]
+    assert math.atan2(*along[::-1]) == pytest.approx(math.pi, abs=8e-3)
 
 
 def test_a_robot_with_no_room_for_its_heading_at_the_goal_is_told_the_one_that_was_asked_for():
     from_a_wall = a_robot("A", (9.0, 4.0), (1.0, 4.0, 0.25))
     said = r"^A: no room to move along heading 0\.25 rad at its goal \(1\.00, 4\.00\); more room"
     with pytest.raises(PlanError, match=said):
-        path_of([from_a_wall], [box(0, 3, 0.75, 5)])
+        path_of([from_a_wall], [box(0, 3, 0.775, 5)])
 
 
 def test_paths_of_small_robots_far_from_the_origin_have_sharp_chords():
