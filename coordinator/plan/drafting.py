@@ -45,20 +45,7 @@ def draft_plan(
 
     Raises PlanError when a robot's path is too long for a message.
     """
-    bare = PlanDocument(
-        scenario=scenario.name,
-        epoch=epoch,
-        policy=scenario.policy,
-        tau=tau,
-        margin=scenario.margin,
-        link=scenario.link,
-        robots=[],
-        workspace=Floor(
-            boundary=list(scenario.workspace.boundary),
-            obstacles=[list(corners) for corners in scenario.workspace.obstacles],
-        ),
-        notes=list(notes),
-    )
+    bare = _bare(scenario, tau, epoch, notes)
     names = [robot.id for robot in scenario.robots]
     parts = zip(scenario.robots, paths, motions, strict=True)
     drafted = [_robot_plan(bare, *part, number, names) for number, part in enumerate(parts)]
@@ -72,6 +59,37 @@ def draft_plan(
     said = _crossings(robots, motions, crossings.pairs, crossings.result())
     document = msgspec.structs.replace(bare, robots=robots, crossings=said)
     return PackedPlan(document, {plan.id: message for plan, message in drafted})
+
+
+def can_be_sent(
+    scenario: Scenario, paths: Sequence[Nurbs], motions: Sequence[Motion], tau: float
+) -> bool:
+    """Return whether each robot's part fits in a message."""
+    bare, names = _bare(scenario, tau, 1, []), [robot.id for robot in scenario.robots]
+    try:
+        for number, part in enumerate(zip(scenario.robots, paths, motions, strict=True)):
+            _robot_plan(bare, *part, number, names)
+    except PlanError:
+        return False
+    return True
+
+
+def _bare(scenario: Scenario, tau: float, epoch: int, notes: Sequence[str]) -> PlanDocument:
+    """Return the document without robots."""
+    return PlanDocument(
+        scenario=scenario.name,
+        epoch=epoch,
+        policy=scenario.policy,
+        tau=tau,
+        margin=scenario.margin,
+        link=scenario.link,
+        robots=[],
+        workspace=Floor(
+            boundary=list(scenario.workspace.boundary),
+            obstacles=[list(corners) for corners in scenario.workspace.obstacles],
+        ),
+        notes=list(notes),
+    )
 
 
 def _robot_plan(

@@ -25,7 +25,7 @@ from coordinator.paths.path_planner import Pathfinder, find_paths
 from coordinator.plan.checks import LONGEST_PLAN, LONGEST_TAU
 from coordinator.plan.crossings import CrossingSearch
 from coordinator.plan.document import Limits, PlanDocument, Reason
-from coordinator.plan.drafting import draft_plan
+from coordinator.plan.drafting import can_be_sent, draft_plan
 from coordinator.plan.shares_of_tau import BRAKING_SHARE, LEAST_TAU, resolve_tau, shares_of
 from coordinator.plan.wire import PackedPlan
 from coordinator.planning.flow import MOST_BOTH, Flow, find_flow, is_searched
@@ -354,7 +354,7 @@ class _Stages:
             return None
         self._cannot_make_room = True
         tau, best = self.tau + TAU_PAD, math.inf
-        for legs in find_legs(self.scenario, self.pathfinder, tau):
+        for legs, is_clear in find_legs(self.scenario, self.pathfinder, tau):
             paths = [one.path for one in legs]
             tracks = [self._track(index, path) for index, path in enumerate(paths)]
             junctions = self._meet(tracks)
@@ -363,9 +363,12 @@ class _Stages:
             order = sorted(range(len(first)), key=lambda index: first[index].finish)
             Improvement(junctions, table, order, priorities).plan_all_again(_MOST_AGAIN)
             motions = table.all()
-            if _arrivals(motions) < best:
+            is_sent = can_be_sent(self.scenario, paths, motions, self.tau)
+            if is_sent and _arrivals(motions) < best:
                 best, found = _arrivals(motions), motions
                 self.paths, self.tracks, self.junctions = paths, tracks, junctions
+            if is_sent and is_clear:
+                break
         if best == math.inf:
             return None
         self.notes = ["robots make room for each other: they rest on their ways and go on"]

@@ -59,8 +59,14 @@ _CLEARLY: Final = 0.6
 """If moves that start at times have less than this share of the sum of arrivals, moves in turn are
 not driven for comparison: fewer of their places are passed, which saves less than that."""
 
+_MOST_COMPARED: Final = 60
+"""Nor are they if there are more robots than these."""
+
 _LONG: Final = 0.7 * MESSAGE_ROOM
-"""Of a robot whose path takes more bytes places between are left out: rests need room, too."""
+"""Of a robot whose path and rests take more bytes places between are left out: speeds need room."""
+
+_PER_REST: Final = 14
+"""How many bytes of a message a rest takes at most."""
 
 _AFTER: Final = 0.001
 """A robot leaves a rest this much later [s] than tau after others have passed."""
@@ -88,6 +94,11 @@ class Legs:
     ends: list[float]
     rests: list[int]
 
+    @property
+    def most_bytes(self) -> int:
+        """How many bytes of a message the path takes with waits at all rests."""
+        return path_bytes(len(self.path.points)) + _PER_REST * len(self.rests)
+
     def begin(self, number: int) -> float:
         """Return where [m] a leg begins."""
         return self.ends[number - 1] if number else 0.0
@@ -102,8 +113,12 @@ def keeping_robots(scenario: Scenario) -> list[int]:
     ]
 
 
-def find_legs(scenario: Scenario, finder: Pathfinder, tau: float) -> Iterator[list[Legs]]:
+def find_legs(
+    scenario: Scenario, finder: Pathfinder, tau: float
+) -> Iterator[tuple[list[Legs], bool]]:
     """Yield paths of several legs for all robots, if moves are found: a choice, or two of them.
+
+    Beside them, whether they are clearly better than those that come after them.
 
     Moves of which a robot has no room to drive one are left out.  For few robots more places are
     tried if there are no paths between fewer.
@@ -116,9 +131,9 @@ def find_legs(scenario: Scenario, finder: Pathfinder, tau: float) -> Iterator[li
         if graph is None:
             continue
         found = False
-        for legs in _find_on(graph, scenario, finder, tau, kept):
+        for choice in _find_on(graph, scenario, finder, tau, kept):
             found = True
-            yield legs
+            yield choice
         if found:
             return
 
@@ -138,8 +153,8 @@ def _find_on(
     finder: Pathfinder,
     tau: float,
     kept: Mapping[int, _OwnWay],
-) -> Iterator[list[Legs]]:
-    """Yield paths of several legs between the places of a graph."""
+) -> Iterator[tuple[list[Legs], bool]]:
+    """Yield paths of several legs between the places of a graph, as `find_legs` does."""
     outcome, found = find_moves(graph)
     if outcome != SOLVED:
         return
@@ -154,18 +169,16 @@ def _find_on(
         with suppress(PlanError):
             # Where robots pass fewer places, they wait longer for each other.
             legs = _legs(scenario, finder, _driven(graph, early), kept)
-            long = {k for k, one in enumerate(legs) if path_bytes(len(one.path.points)) > _LONG}
+            long = {k for k, one in enumerate(legs) if one.most_bytes > _LONG}
             if long:
                 fewer = straightened(
                     _driven(graph, early),
                     lambda robot, start, end: robot in long and is_clear(robot, start, end),
                 )
                 legs = _legs(scenario, finder, fewer, kept)
-            yield legs
-            if share < _CLEARLY:
-                return
+            yield legs, share < _CLEARLY or len(spaces) > _MOST_COMPARED
     with suppress(PlanError):
-        yield _legs(scenario, finder, straightened(_driven(graph, found), is_clear), kept)
+        yield _legs(scenario, finder, straightened(_driven(graph, found), is_clear), kept), True
 
 
 def _legs(
@@ -206,6 +219,7 @@ def first_motions(all_legs: Sequence[Legs], tracks: Sequence[Track], tau: float)
     """Return motions in which each robot waits until those that go before it have passed."""
     driven: list[list[Motion]] = [[] for _ in all_legs]
     waits: list[list[Wait]] = [[] for _ in all_legs]
+    onwards = [Motion(track.limits, []) for track in tracks]
     turns = sorted(
         (leg.turn, robot, number)
         for robot, legs in enumerate(all_legs)
@@ -223,13 +237,16 @@ def first_motions(all_legs: Sequence[Legs], tracks: Sequence[Track], tau: float)
             depart = max(depart, free + tau + _AFTER)
         # A robot that does not wait here may come here sooner than one that stops later on.
         s = np.array([legs.begin(number)])
-        if float(Motion(limits, waits[robot][-1:]).reached(s)[0]) < depart:
+        # Where a robot is later depends on its last wait alone.
+        if float(onwards[robot].reached(s)[0]) < depart:
             here = float(driven[robot][-1].reached(s)[0]) if number else 0.0
             waits[robot].append(Wait(float(s[0]), max(depart, here), -1))
-        onward = next((rest for rest in legs.rests if rest > number), len(legs.legs))
-        stop = [Wait(legs.begin(onward), 0.0, -1)] if onward < len(legs.legs) else []
-        # Where a robot is later depends on its last wait alone.
-        driven[robot] += [Motion(limits, [*waits[robot][-1:], *stop])] * (onward - number)
+            onwards[robot] = Motion(limits, waits[robot][-1:])
+        rest = next((rest for rest in legs.rests if rest > number), len(legs.legs))
+        motion = onwards[robot]
+        if rest < len(legs.legs):
+            motion = Motion(limits, [*waits[robot][-1:], Wait(legs.begin(rest), 0.0, -1)])
+        driven[robot] += [motion] * (rest - number)
     return [Motion(track.limits, w) for track, w in zip(tracks, waits, strict=True)]
 
 
