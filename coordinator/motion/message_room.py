@@ -26,6 +26,15 @@ _PER_SPEED: Final = 4
 """Bytes of one speed knot, and of each distinct speed."""
 
 
+_SPEEDS_PER_PATH: Final = 0.5
+"""Expected bytes of speed knots for each byte of a path on which the robot must slow in bends."""
+
+
+def expected_bytes(points: int, slows: bool) -> float:
+    """Return how many bytes a path and its speeds may take; `slows`: whether it does in bends."""
+    return path_bytes(points) * (1.0 + _SPEEDS_PER_PATH * slows)
+
+
 def path_bytes(points: int) -> int:
     """Return how many bytes a cubic path with this many control points takes."""
     return _PER_POINT * points

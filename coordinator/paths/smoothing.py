@@ -24,7 +24,7 @@ from coordinator.ground.corner_kernels import NARROWEST, STRAIGHT
 from coordinator.ground.free_space import Space
 from coordinator.ground.polygon_kernels import merge, push, widths
 from coordinator.motion.cornering import Handling
-from coordinator.motion.message_room import ROOM, path_bytes
+from coordinator.motion.message_room import ROOM, expected_bytes
 from coordinator.paths.sharp_turns import blunt
 from coordinator.paths.spline_fit import Fit, Flags, fit, lengths_along
 
@@ -35,10 +35,10 @@ _LONGEST: Final = 1.02
 """A curve longer than this many times its polygon is made again without moving corners."""
 _SHARE: Final = 0.45
 """The greatest share of a leg over which `smooth_near` rounds the corner at its end."""
+_ALONG: Final = 1e-5
+"""A way that turns by less than twice this [rad] at a vertex is straight there."""
 _SPENT_PER_CORNER: Final = (0.02, 0.1, 0.5, 2.0)
 """How much longer [m] a way may become for one corner less, tried in turn, if it has too many."""
-_SPEEDS_PER_PATH: Final = 0.5
-"""Expected bytes of speed knots for each byte of a path on which the robot must slow in bends."""
 
 
 def smooth(
@@ -75,12 +75,12 @@ def smooth_near(
     cut: float,
     narrow: Collection[tuple[float, float]] = (),
     headed: tuple[bool, bool] = (False, False),
-) -> Fit:
+) -> tuple[Nurbs, Array]:
     """Return the cubic curve along a polygon (n, 2) [m] that cuts its corners by at most `cut` [m].
 
-    exact (n,): vertices that the curve passes exactly; narrow: vertices beside which others may be,
-    so that sharp turns there lead hardly beyond them; headed: as for `smooth`.  Raises PlanError if
-    a turn has no room.
+    Beside it, the parameters at which it passes the exact vertices.  exact (n,): vertices that it
+    passes exactly; narrow: vertices beside which others may be, so that sharp turns there lead
+    hardly beyond them; headed: as for `smooth`.  Raises PlanError if a turn has no room.
     """
     polygon, exact = _without_straight(polygon, exact, headed)
     blunted, passed = blunt(polygon, exact, space, headed, 0.0, narrow, swings=False)
@@ -92,13 +92,17 @@ def smooth_near(
     halves = 0.5 * np.hypot(*np.diff(legs / sizes[:, None], axis=0).T)
     room = _SHARE * np.minimum(sizes[:-1], sizes[1:])
     wide = np.minimum(3.0 * cut / np.maximum(halves, 1e-9), room)
-    return _clear(polygon, exact, space, np.concatenate(([0.0], wide, [0.0])))
+    wide = np.concatenate(([0.0], wide, [0.0]))
+    # Where the way is straight the curve passes a vertex: no rounding of a corner reaches there.
+    kept = np.concatenate(([True], halves > _ALONG, [True]))
+    found = _clear(polygon[kept], exact[kept], space, wide[kept])
+    along = lengths_along(polygon)
+    return found.curve, np.interp(along, along[kept], found.at)[exact]
 
 
 def _fits(curve: Nurbs, handling: Handling) -> bool:
     """Return whether a message has room for a curve and, if bends are slow, for its speeds."""
-    speeds = 0.0 if math.isinf(handling.lateral) else _SPEEDS_PER_PATH
-    return path_bytes(len(curve.points)) * (1.0 + speeds) <= ROOM
+    return expected_bytes(len(curve.points), math.isfinite(handling.lateral)) <= ROOM
 
 
 def _smoothed(

@@ -23,11 +23,15 @@ from coordinator.places.early_move_kernels import (
     improve,
     timed,
 )
-from coordinator.places.move_kernels import Indices, costs_to
+from coordinator.places.move_kernels import Array, Indices, costs_to
 from coordinator.places.place_graph import Graph
 
 _EFFORT: Final = 60_000
-"""How many edges are looked at, for each robot."""
+_EFFORT_PER_EDGE: Final = 1_500
+"""How many edges are looked at for each robot, at least; the latter for each edge of its way."""
+
+_PAUSE: Final = 1e-6
+"""A robot waits between two moves if the second one starts later than this [m]."""
 
 _SPARE_WINDOWS: Final = 32
 _SPARE_MOVES: Final = 100
@@ -35,18 +39,21 @@ _SPARE_MOVES: Final = 100
 
 def early_moves(
     graph: Graph, moves: Indices, gap: float, effort: int = _EFFORT
-) -> tuple[Indices, float]:
+) -> tuple[Indices, float, Indices]:
     """Return moves (m, 2), robot and edge, in the order of their starts, by which robots are early.
 
     Beside them, the sum of arrivals as a share, at most 1, of that by `moves` in turn, from which
-    they are made.  gap [m]: how far a robot drives until another one may come where it was.  All
-    robots are of one kind.
+    they are made, and how often each robot (n,) waits.  gap [m]: how far a robot drives until
+    another one may come where it was.  All robots are of one kind.
     """
     plans, in_turn = early_plans(graph, moves, gap, effort)
     used = np.arange(plans.edge.shape[1]) < plans.size[:, None]
     order = np.argsort(plans.start[used], kind="stable")
     found = np.column_stack((np.nonzero(used)[0], plans.edge[used]))[order]
-    return found, float(plans.arrival.sum()) / in_turn if in_turn else 1.0
+    ends = plans.start + _lengths(graph)[plans.edge]
+    pauses = used[:, 1:] & (plans.start[:, 1:] > ends[:, :-1] + _PAUSE)
+    share = float(plans.arrival.sum()) / in_turn if in_turn else 1.0
+    return found, share, pauses.sum(axis=1)
 
 
 def early_plans(
@@ -73,13 +80,20 @@ def early_plans(
         ]
     )
     books = _books(graph, floor, plans)
-    improve(team.start, team.goal, left, floor, plans, books, effort * count)
+    ways = float(left[np.arange(count), team.start].sum()) / max(float(floor.length.mean()), 1e-9)
+    looks = effort * max(count, round(ways * _EFFORT_PER_EDGE / _EFFORT))
+    improve(team.start, team.goal, left, floor, plans, books, looks)
     return plans, in_turn
+
+
+def _lengths(graph: Graph) -> Array:
+    """Return the length [m] of each edge (e,)."""
+    return np.array([float(np.hypot(*np.diff(way, axis=0).T).sum()) for way in graph.ways])
 
 
 def _floor(graph: Graph, gap: float) -> Floor:
     edges, need = graph.edges, float(graph.team.need[0, 0])
-    lengths = np.array([float(np.hypot(*np.diff(way, axis=0).T).sum()) for way in graph.ways])
+    lengths = _lengths(graph)
     closes = edges.gap < need
     of_edge = np.repeat(np.arange(len(edges.to)), np.diff(edges.near_first))[closes]
     place = edges.near[closes]

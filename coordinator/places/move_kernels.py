@@ -647,33 +647,79 @@ def leaves_open(goal: int, hub: Flags, edges: Edges, team: Team, occupant: Indic
     """
     places, kind = len(hub), _largest_kind(team)
     passable, need = _open_edges(edges, team, occupant), team.need[kind, kind]
-    closed_by = np.full(len(edges.to), -1)
-    seen = np.full(places, -1)
-    beside = np.argsort(edges.near)
-    first = np.searchsorted(edges.near[beside], np.arange(places + 1))
-    of_edge = np.empty(len(edges.near), np.int64)
+    size, total = _behind(goal, hub, edges, passable), hub.sum()
+    from_goal = hub[goal] + size[edges.first[goal] : edges.first[goal + 1]].sum()
+    # By place: how much of the hub may lie behind the edges that a robot there closes.
+    behind = np.zeros(places, np.int64)
     for e in range(len(edges.to)):
-        of_edge[edges.near_first[e] : edges.near_first[e + 1]] = e
-    size = hub.sum()
-    found = np.zeros(places, np.bool_)
+        for k in range(edges.near_first[e], edges.near_first[e + 1]):
+            if size[e] > 0 and edges.gap[k] < need:
+                behind[edges.near[k]] += size[e]
+    found = hub.copy()
+    found[goal] = False
+    reached = np.full(places, -1)
     for place in range(places):
-        if not hub[place] or place == goal:
-            continue
-        for k in beside[first[place] : first[place + 1]]:
-            if edges.gap[k] < need:
-                closed_by[of_edge[k]] = place
-        queue, reached = [goal], 0
-        seen[goal] = place
-        while queue:
-            here = queue.pop()
-            reached += hub[here]
-            for e in range(edges.first[here], edges.first[here + 1]):
-                to = edges.to[e]
-                if passable[e] and closed_by[e] != place and seen[to] != place:
-                    seen[to] = place
-                    queue.append(to)
-        found[place] = 2 * reached > size
+        if found[place] and 2 * (from_goal - behind[place]) <= total:
+            found[place] = (
+                2 * _reached_past(place, goal, hub, edges, passable, need, reached) > total
+            )
     return found
+
+
+@compiled
+def _behind(goal: int, hub: Flags, edges: Edges, passable: Flags) -> Indices:
+    """Return how many places of the hub one comes to from a goal along an edge (e,) of a tree.
+
+    0 for all edges that do not belong to the tree of the fewest edges from the goal.
+    """
+    by = np.full(len(hub), -1)
+    by[goal] = len(edges.to)
+    order = [goal]
+    for k in range(len(hub)):
+        if k == len(order):
+            break
+        here = order[k]
+        for e in range(edges.first[here], edges.first[here + 1]):
+            if passable[e] and by[edges.to[e]] < 0:
+                by[edges.to[e]] = e
+                order.append(edges.to[e])
+    size = np.zeros(len(edges.to) + 1, np.int64)
+    for k in range(len(order) - 1, 0, -1):
+        here = order[k]
+        size[by[here]] += hub[here]
+        size[by[edges.origin[by[here]]]] += size[by[here]]
+    return size[:-1]
+
+
+@compiled
+def _reached_past(
+    place: int,
+    goal: int,
+    hub: Flags,
+    edges: Edges,
+    passable: Flags,
+    need: float,
+    reached: Indices,
+) -> int:
+    """Return how many places of the hub are connected with a goal if a robot is at `place`.
+
+    reached (V,): scratch, in which nothing equals `place` yet.
+    """
+    queue, count = [goal], 0
+    reached[goal] = place
+    while queue:
+        here = queue.pop()
+        count += hub[here]
+        for e in range(edges.first[here], edges.first[here + 1]):
+            if not passable[e] or reached[edges.to[e]] == place:
+                continue
+            closed = False
+            for k in range(edges.near_first[e], edges.near_first[e + 1]):
+                closed |= edges.near[k] == place and edges.gap[k] < need
+            if not closed:
+                reached[edges.to[e]] = place
+                queue.append(edges.to[e])
+    return count
 
 
 @compiled

@@ -46,6 +46,9 @@ _LONGEST: Final = 1.8
 _LONGEST_AROUND: Final = 3.0
 """Places are connected by a straight edge of up to this many needs, or by a way around corners."""
 
+_PARALLEL: Final = 0.1
+"""The first and the last leg of a way meet at one corner if the sine of their angle is more."""
+
 _PER_MOVE: Final = 0.3
 """What a move costs beside its length [m]: each is a place where the robot may have to stop."""
 
@@ -254,6 +257,28 @@ def _connected(places: Array, spaces: list[Space], spacing: float) -> tuple[Indi
         )
         if way is not None and wide.keeping(way[:-1], way[1:]).all():
             pairs.append([one, other])
-            ways.append(way)
+            ways.append(_with_one_corner(way, wide))
     both = np.array(pairs).reshape(-1, 2)
     return np.concatenate((both, both[:, ::-1])), [*ways, *(way[::-1] for way in ways)]
+
+
+def _with_one_corner(way: Array, space: Space) -> Array:
+    """Return a way (n, 2) around a corner with one vertex in place of several, if it is clear.
+
+    Each vertex costs a message as many bytes as any other, also those close to each other.
+    """
+    if len(way) < 4:
+        return way
+    out, back = way[1] - way[0], way[-2] - way[-1]
+    across = out[0] * back[1] - out[1] * back[0]
+    if abs(across) < _PARALLEL * np.hypot(*out) * np.hypot(*back):
+        return way
+    gap = way[-1] - way[0]
+    share = (gap[0] * back[1] - gap[1] * back[0]) / across
+    far = (gap[0] * out[1] - gap[1] * out[0]) / across
+    corner = way[0] + share * out
+    shorter = np.stack((way[0], corner, way[-1]))
+    is_ahead = share >= 1.0 and far >= 1.0
+    if is_ahead and space.keeping(shorter[:-1], shorter[1:]).all():
+        return shorter
+    return way

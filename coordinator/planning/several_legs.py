@@ -25,7 +25,7 @@ from scipy.spatial.distance import cdist
 from coordinator.base.errors import PlanError
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.motion.message_room import ROOM as MESSAGE_ROOM
-from coordinator.motion.message_room import path_bytes
+from coordinator.motion.message_room import expected_bytes
 from coordinator.motion.velocity_profile import Motion, Wait
 from coordinator.paths.end_headings import check_headings
 from coordinator.paths.path_planner import Pathfinder
@@ -62,11 +62,8 @@ not driven for comparison: fewer of their places are passed, which saves less th
 _MOST_COMPARED: Final = 60
 """Nor are they if there are more robots than these."""
 
-_LONG: Final = 0.7 * MESSAGE_ROOM
-"""Of a robot whose path and rests take more bytes places between are left out: speeds need room."""
-
-_PER_REST: Final = 14
-"""How many bytes of a message a rest takes at most."""
+_PER_WAIT: Final = 42
+"""Bytes of a message for each time that a robot waits."""
 
 _AFTER: Final = 0.001
 """A robot leaves a rest this much later [s] than tau after others have passed."""
@@ -93,11 +90,6 @@ class Legs:
     legs: list[Leg]
     ends: list[float]
     rests: list[int]
-
-    @property
-    def most_bytes(self) -> int:
-        """How many bytes of a message the path takes with waits at all rests."""
-        return path_bytes(len(self.path.points)) + _PER_REST * len(self.rests)
 
     def begin(self, number: int) -> float:
         """Return where [m] a leg begins."""
@@ -165,11 +157,12 @@ def _find_on(
 
     if len(spaces) > FEW and len(graph.team.need) == 1:
         speed = max(scenario.planned_speed(robot) for robot in scenario.robots)
-        early, share = early_moves(graph, found, speed * tau)
+        early, share, waits = early_moves(graph, found, speed * tau)
         with suppress(PlanError):
             # Where robots pass fewer places, they wait longer for each other.
             legs = _legs(scenario, finder, _driven(graph, early), kept)
-            long = {k for k, one in enumerate(legs) if one.most_bytes > _LONG}
+            each = zip(legs, scenario.robots, waits.tolist(), strict=True)
+            long = {k for k, one in enumerate(each) if _is_long(*one)}
             if long:
                 fewer = straightened(
                     _driven(graph, early),
@@ -179,6 +172,12 @@ def _find_on(
             yield legs, share < _CLEARLY or len(spaces) > _MOST_COMPARED
     with suppress(PlanError):
         yield _legs(scenario, finder, straightened(_driven(graph, found), is_clear), kept), True
+
+
+def _is_long(legs: Legs, robot: Robot, waits: int) -> bool:
+    """Return whether a message may have no room for a robot's path, speeds and waits."""
+    needed = expected_bytes(len(legs.path.points), math.isfinite(robot.max_lateral_accel))
+    return needed + _PER_WAIT * waits > MESSAGE_ROOM
 
 
 def _legs(
@@ -336,12 +335,11 @@ def _along(
         last[-1] += 1
     exact = np.zeros(len(vertices), dtype=np.bool_)
     exact[[0, -1, *(int(last[rest - 1]) for rest in rests)]] = True
-    found = smooth_near(vertices, exact, finder.space(robot), _CUT, tight, headed)
-    check_headings(robot, found.curve)
-    at_rest = found.curve.arc_at(found.at[found.exact])
+    curve, u = smooth_near(vertices, exact, finder.space(robot), _CUT, tight, headed)
+    check_headings(robot, curve)
     along = lengths_along(vertices)
-    ends = np.interp(along[last], along[exact], at_rest)
-    return Legs(found.curve, legs, ends.tolist(), rests)
+    ends = np.interp(along[last], along[exact], curve.arc_at(u))
+    return Legs(curve, legs, ends.tolist(), rests)
 
 
 def _beside(pose: Sequence[float], ahead: float) -> tuple[float, float]:

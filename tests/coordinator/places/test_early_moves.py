@@ -107,7 +107,7 @@ def test_robots_keep_apart_at_all_times_and_arrive_no_later_than_by_moves_in_tur
 def test_in_the_order_of_their_starts_moves_can_be_driven_one_after_the_other(seed):
     graph, moves = random_graph(seed)
     at = graph.team.start.copy()
-    early, share = early_moves(graph, moves, GAP)
+    early, share, _ = early_moves(graph, moves, GAP)
     assert 0.0 < share <= 1.0
     for robot, edge in early.tolist():
         assert graph.edges.origin[edge] == at[robot]

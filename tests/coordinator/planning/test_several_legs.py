@@ -86,11 +86,11 @@ def test_robots_that_are_in_each_others_way_make_room(kind, robots):
 
 
 def test_many_robots_arrive_earlier_by_moves_that_start_at_times(monkeypatch):
-    scenario = generate("doorway", 10, 0)
+    scenario = generate("aisles", 20, 0)
     plan = plan_scenario(scenario)
     assert plan.proof.holds
     assert complaints(to_json(plan), scenario) == []
-    monkeypatch.setattr(several_legs, "FEW", 10)
+    monkeypatch.setattr(several_legs, "FEW", 20)
     in_turn = plan_scenario(scenario)
     assert any("make room" in note for note in in_turn.notes)
     early, late = (sum(one.finish_time for one in found.robots) for found in (plan, in_turn))
