@@ -26,7 +26,7 @@ from coordinator.places.early_move_kernels import (
 from coordinator.places.move_kernels import Array, Indices, costs_to
 from coordinator.places.place_graph import Graph
 
-_EFFORT: Final = 60_000
+_EFFORT: Final = 90_000
 _EFFORT_PER_EDGE: Final = 1_500
 """How many edges are looked at for each robot, at least; the latter for each edge of its way."""
 

@@ -65,6 +65,11 @@ _JAM = 1.2
 """Fleets of up to FEW robots that take so many times as long as alone look for such ways, too.
 Where there are none, slow plans of up to _MOST_WAYS robots are compared with such moves."""
 
+_AT_ONCE = 1.05
+_MOST_AT_ONCE = 100
+"""Fleets of up to _MOST_AT_ONCE robots that start and stop at once, and so lose nothing at a rest,
+compare plans that take so many times as long as alone with such moves."""
+
 _PATIENCE = 60
 _PATIENCE_PER_FLEET = 3000
 _PER_DEADLOCK = 25
@@ -268,17 +273,26 @@ class _Stages:
                 raise refusal
             motions = self._in_order(priorities, effort) if motions is None else motions
             is_large = len(motions) > _MOST_WITH_ROOM
-            if effort <= LATER_EFFORT or is_large or not _is_jam(motions, tracks):
+            is_slow = _is_jam(motions, tracks) or self._rests_would_help(motions)
+            if effort <= LATER_EFFORT or is_large or not is_slow:
                 return motions
             return self._or_with_room(motions, priorities)
         if motions is not None and not flow.is_better_than(motions):
             return motions
         is_slow = _arrivals(flow.motions) > _SLOW * sum(track.alone for track in self.tracks)
+        is_slow |= effort > LATER_EFFORT and self._rests_would_help(flow.motions)
         if is_slow or (flow.is_crowded and len(tracks) <= _MOST_WAYS):
             rests = self._several_legs(priorities)
             if rests is not None and not flow.is_better_than(rests):
                 return rests
         return self._on(flow, priorities, effort)
+
+    def _rests_would_help(self, motions: Sequence[Motion]) -> bool:
+        """Return whether robots that lose nothing at rests take longer than alone."""
+        robots = self.scenario.robots
+        if len(robots) > _MOST_AT_ONCE or any(math.isfinite(one.max_accel) for one in robots):
+            return False
+        return _arrivals(motions) > _AT_ONCE * sum(track.alone for track in self.tracks)
 
     def _on(self, flow: Flow, priorities: list[int], effort: int) -> list[Motion]:
         """Return motions on a flow's paths; few robots may drive there as fast as they can."""
