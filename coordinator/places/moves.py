@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from coordinator.places.hub_kernels import filling_order, largest_part, leaves_open
 from coordinator.places.move_kernels import (
     GAVE_UP,
     NONE,
@@ -20,10 +21,7 @@ from coordinator.places.move_kernels import (
     Indices,
     Team,
     costs_to,
-    filling_order,
-    largest_part,
     least_moves,
-    leaves_open,
     rerouted,
     some_moves,
 )
