@@ -15,6 +15,7 @@ from coordinator.mission.fleet_from_plan import muster
 from coordinator.plan.document import Reason
 from coordinator.plan.wire import packed
 from coordinator.planning.planner import plan_scenario
+from coordinator.view import live_table
 from coordinator.view.live_table import FleetTable
 from protocol.phases import DONE, FREEZE, FROZEN, GO, MOVING, OFF_PATH
 from sim.judging.judge import PairVerdict, RobotVerdict, Verdict
@@ -89,7 +90,8 @@ def test_the_table_of_a_running_fleet_tells_who_is_held_and_since_when(monkeypat
     assert said.count("held by") == 1
 
 
-def test_the_table_of_a_fleet_shows_robots_that_have_no_part_in_the_newest_plan():
+def test_the_table_of_a_fleet_shows_robots_that_have_no_part_in_the_newest_plan(monkeypatch):
+    monkeypatch.setattr(live_table, "time_of_day", lambda: "12:00:00")
     document = plan_scenario(HALL, effort=0)
     fleet = muster(packed(document), 9)
     fleet.members["R2"].phase, fleet.members["R2"].finished = DONE, True
