@@ -135,7 +135,7 @@ class Fleet(OperatedFleet):
         if self.phase == HOLD:
             self._muster(now_ns)
         elif self.phase == GO and self.times.plan_ms(now_ns) > LONGEST_EPOCH // MILLISECOND:
-            self._plan_anew("plan time is ten days old", now_ns)
+            self.plan_anew("plan time is ten days old", now_ns)
         elif self.phase == GO:
             self._watch(now_ns)
         elif self.phase == FREEZE:
@@ -188,9 +188,10 @@ class Fleet(OperatedFleet):
 
     def leave_floor(self, now_ns: int) -> None:
         """Freeze the fleet, because its floor has changed: it goes on with a new plan."""
-        self._plan_anew("the floor has changed", now_ns)
+        self.plan_anew("the floor has changed", now_ns)
 
-    def _plan_anew(self, why: str, now_ns: int) -> None:
+    def plan_anew(self, why: str, now_ns: int) -> None:
+        """Freeze the fleet; when all rest, it goes on with a new plan."""
         self._tell(now_ns, "floor", "", f"{why}; the fleet is planned anew when all rest")
         self._turn("floor changed", now_ns)
 

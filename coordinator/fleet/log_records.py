@@ -42,11 +42,16 @@ _counts: Final = msgspec.json.Decoder(dict[str, int])
 
 @dataclass(frozen=True)
 class Request:
-    """A request for a plan: its epoch, where the robots stand, and whether orders may follow."""
+    """A request for a plan: its epoch, where the robots stand, and whether orders may follow.
+
+    `homes`: robots that have made room, and where they go back to: x, y [m], and maybe a heading
+    [rad].
+    """
 
     epoch: int
     told: tuple[Standing, ...]
     has_orders: bool = False
+    homes: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
 
 @dataclass(frozen=True)

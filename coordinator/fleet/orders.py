@@ -7,7 +7,7 @@ courses, messages, clocks; times are in ms since the first GO.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from random import Random
 from typing import Any, Final
@@ -72,7 +72,8 @@ class Task:
     revision: int = 0
     leaves: int = 0
     rooms: int = 0
-    """How often others made room for it."""
+    """How often others made room for it; for robots that go back, for all of them that had to make
+    room for each other, one after the other, up to this one."""
 
     put_back: int = 0
     """How often its robot was sent on by it and was given up on the way."""
@@ -370,13 +371,21 @@ class OrderBook:
             task.order = replace(task.order, via=via)
         task.robot, task.is_urgent, task.reason = robot, True, f"goes around {what}"
 
-    def _return(self, robot: str, goal: Pose, since_ms: int) -> None:
+    def _return(self, robot: str, goal: Pose, since_ms: int, rooms: int) -> None:
         """Let a robot that has made room go back, once nobody else has an order."""
         if not any(one.is_return and one.robot == robot for one in self._open.values()):
             self._made_room += 1
             order = Order(id=f"{_WAY}{self._made_room}", robot=robot, goal=goal)
             task = self.give(order, since_ms)
-            task.is_return, task.purpose = True, "goes back"
+            task.is_return, task.purpose, task.rooms = True, "goes back", rooms
+
+    def homes(self) -> dict[str, Pose]:
+        """Return by robot where those that make room, or have done so, are to go back to."""
+        return {
+            task.order.robot: home
+            for task in self._open.values()
+            if (home := task.order.goal if task.is_return else task.returns_to) is not None
+        }
 
     def room_for(self, robot: str, goal: Pose, whose: str, now_ms: int) -> Task:
         """Return a new order of the coordinator's own: a robot makes room for another order."""
@@ -400,7 +409,7 @@ class OrderBook:
         robot, place = task.order.robot, task.returns_to
         has_left = state == ORDER_DONE or (state == REFUSED and task.revision > 0)
         if place is not None and has_left and robot in self._robots:
-            self._return(robot, place, task.released_ms)
+            self._return(robot, place, task.released_ms, task.rooms)
 
     def cancel(self, order_id: str, now_ms: int) -> Task | None:
         """Take an order back, unless it is over; return it, or None if there is no such order.
@@ -448,11 +457,23 @@ class OrderBook:
             task.planned_arrival_ms = task.arrived_ms = None
             task.robot = task.order.robot
 
-    def begin_epoch(self, robots: Collection[str]) -> None:
+    def begin_epoch(self, robots: Collection[str], stays: Mapping[str, str]) -> None:
         """Take in that robots have first courses again: to the goals that they were sent to last.
 
-        `robots`: those that have one; the orders that others did wait again.
+        Those that have made room go back by these.  `robots`: those that have one; the orders that
+        others did wait again.  `stays`: those that have no way, and why: they do not go back.
         """
+        for task in list(self._open.values()):
+            robot, home = task.order.robot, task.returns_to
+            if task.makes_room and home is not None and robot in robots:
+                task.returns_to = None
+                self.end(task, CANCELLED)
+                self._return(robot, home, task.released_ms, 0)
+        for task in list(self._open.values()):
+            if task.is_return and task.order.robot in stays:
+                self.end(task, REFUSED, stays[task.order.robot])
+            elif task.is_return and task.order.robot in robots:
+                task.state, task.rooms = UNDER_WAY, 0
         for task in self.under_way():
             if task.robot not in robots or task is not self.all_of(task.robot)[-1]:
                 self.let_wait(task)

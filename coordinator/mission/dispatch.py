@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
@@ -49,6 +49,9 @@ _NOBODY_MOVES_MS: Final = 20_000
 _MOST_ROOMS: Final = 20
 """Robots that have made room for an order so often take turns in its way, maybe for ever."""
 
+_MOST_TURNS: Final = 10
+"""Robots that go back, and of which so many made room for each other, would do so for ever."""
+
 _LATE: Final = 4.0
 """A robot that is later than this [s] and holds others may get its times anew."""
 
@@ -64,6 +67,16 @@ _RENEW_MS: Final = 15_000
 
 _JOIN_PATIENCE: Final = 60 * SECOND
 """How long a robot that joins has to be heard for the first time."""
+
+
+class _State(NamedTuple):
+    """What decides whether a search that found nothing may find something now.
+
+    `commits`: how many courses were committed; `idle`: the robots that have nothing to do.
+    """
+
+    commits: int
+    idle: tuple[str, ...]
 
 
 class PlainDispatcher(msgspec.Struct, frozen=True):
@@ -90,11 +103,11 @@ class Dispatcher:
         self.obstructions = Obstructions(fleet, self.robots, self._may_leave)
         self.searches = Searches(fleet, self.robots, self.obstructions)
         self._free = FreeRobots(fleet, self.robots, self.searches)
-        self._tried: dict[str, tuple[object, int]] = {}
+        self._tried: dict[str, tuple[_State, int]] = {}
         """By order: the state of the fleet and the time [ms] when nothing was found for it."""
         self._ways: dict[str, tuple[float, Array]] = {}
         """By order that makes room: the radius and path of the robot that needs it."""
-        self._no_room: dict[str, object] = {}
+        self._no_room: dict[str, _State] = {}
         """By robot: the state of the fleet when no place was found for it to make room at."""
 
         self._renewed: dict[str, int] = {}
@@ -163,7 +176,7 @@ class Dispatcher:
         self._refuse_closed(now_ms)
         idle = self._free.idle(now_ns)
         asked = self.searches.orders()
-        state = (self.searches.commits, tuple(idle))
+        state = _State(self.searches.commits, tuple(idle))
         tasks = [
             task
             for task in book.waiting()
@@ -317,7 +330,7 @@ class Dispatcher:
         if not fleet.grants.commit(
             request.number, proposal.course, proposal.near, proposal.staircases
         ):
-            self._tried[task.order.id] = ((self.searches.commits, tuple(idle)), now_ms)
+            self._tried[task.order.id] = (_State(self.searches.commits, tuple(idle)), now_ms)
             return None
         self.searches.note_commit(proposal.course)
         plan = address(proposal.message, fleet.boot)
@@ -388,7 +401,7 @@ class Dispatcher:
             self._fleet.members.pop(robot, None)
             book.forget(robot)
             return
-        state = (self.searches.commits, tuple(idle))
+        state = _State(self.searches.commits, tuple(idle))
         if task.makes_room:
             self._no_room[robot] = state
         is_closed = math.isinf(answer.alone) and self._nobody_else(task, robot)
@@ -406,21 +419,38 @@ class Dispatcher:
             task.reason = f"waits for {by}" if by else f"{robot} {answer.reason}"
         if not task.order.robot:
             task.robot = ""
+        self._let_make_room(task, asked, answer, state, now_ns)
+
+    def _let_make_room(
+        self, task: Task, asked: Asked, answer: Answer, state: _State, now_ns: int
+    ) -> None:
+        """Let the idle robots among those in an order's way make room for it.
+
+        Those that go back do not do so for each other for ever: then the fleet is planned anew.
+        """
+        fleet, book, robot = self._fleet, self._fleet.orders, asked.wish.robot
+        if task.is_return and task.rooms >= _MOST_TURNS:
+            fleet.plan_anew("robots make room for each other again and again", now_ns)
+            return
         if task.rooms >= _MOST_ROOMS:
-            why = f"others made room {task.rooms} times, and {by or 'somebody'} is in the way again"
-            book.end(task, REFUSED, f"{robot} has no way: {why}")
+            by = ", ".join(dict.fromkeys(answer.blockers)) or "somebody"
+            why = f"others made room {task.rooms} times, and {by} is in the way again"
+            book.end(task, REFUSED, f"{robot.id} has no way: {why}")
             return
         waiting = {one.robot for one in book.waiting() if one.makes_room}
         for name in filter(fleet.members.__contains__, answer.blockers):  # Others left meanwhile.
             if fleet.members[name].lost:
-                fleet.grants.keep_from(robot, name)
+                fleet.grants.keep_from(robot.id, name)
             own = [one for one in book.waiting() if one.robot == name]
-            is_idle = name in idle and name not in waiting and self._no_room.get(name) != state
+            is_idle = name in state.idle and name not in waiting
+            is_idle &= self._no_room.get(name) != state
             if is_idle and answer.way is not None and all(o.order.id in self._tried for o in own):
+                now_ms = fleet.since_go_ms(now_ns)
                 room = book.room_for(name, self.searches.place(name)[0], task.order.id, now_ms)
                 room.returns_to = None if book.is_used else self.robots[name].goal
-                self._ways[room.order.id] = (asked.wish.robot.radius, answer.way)
+                self._ways[room.order.id] = (robot.radius, answer.way)
                 task.rooms += 1
+                room.rooms = task.rooms if task.is_return else 0
 
     def _ask(
         self, task: Task, robot: str, now_ns: int, *, leaves: bool = False, follows: bool = False
@@ -432,7 +462,7 @@ class Dispatcher:
         self.robots[robot.id] = robot
         return self.searches.ask_join(task, robot, now_ns)
 
-    def _is_due(self, task: Task, state: object, now_ms: int) -> bool:
+    def _is_due(self, task: Task, state: _State, now_ms: int) -> bool:
         tried = self._tried.get(task.order.id)
         return tried is None or tried[0] != state or now_ms - tried[1] >= _AGAIN_MS
 

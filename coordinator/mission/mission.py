@@ -27,6 +27,7 @@ from coordinator.plan.wire import Driven, PackedPlan, address
 from coordinator.planning.course_search import Answer
 from coordinator.planning.wish import Site as Floor
 from coordinator.scenario.model import Scenario, Workspace
+from coordinator.scenario.plain import pose_of
 
 MOST_EPOCHS: Final = 200
 """A fleet that has not arrived after this many epochs is given up."""
@@ -101,7 +102,8 @@ class Mission:
     def _asked_now(self) -> Request:
         fleet = self.fleet
         told = tuple(fleet.standings())
-        return Request(fleet.next_epoch, told, fleet.orders.is_open_or_stays)
+        homes = tuple(sorted(fleet.orders.homes().items()))
+        return Request(fleet.next_epoch, told, fleet.orders.is_open_or_stays, homes)
 
     def solve(self, request: Request) -> Recovery:
         """Plan a requested epoch; pure, may take seconds."""
@@ -114,6 +116,7 @@ class Mission:
             request.epoch,
             self._planner,
             has_orders=request.has_orders,
+            homes={robot: pose_of(home) for robot, home in request.homes},
         )
 
     def _outran(self, told: Iterable[Standing]) -> str:
@@ -185,7 +188,7 @@ class Mission:
         for one in self.site.aside:
             self.fleet.members[one.robot.id].finished |= one.why == "arrived"
         drives = set() if recovery.plan is None else set(recovery.plan.messages)
-        self.fleet.orders.begin_epoch(drives)
+        self.fleet.orders.begin_epoch(drives, recovery.stays)
         if recovery.plan is None:
             self.begin(None)
             return self.fleet.adopt(request.epoch, {}, now_ns, NOBODY)

@@ -22,7 +22,7 @@ from coordinator.mission.replanning_input import Rides, Site, next_site, passabl
 from coordinator.paths.path_planner import Pathfinder, closed_in
 from coordinator.plan.document import PlanDocument
 from coordinator.plan.wire import PackedPlan
-from coordinator.scenario.model import Point, Robot, Scenario
+from coordinator.scenario.model import Point, Pose, Robot, Scenario
 
 _GENTLE: Final = 0.05
 """The least turning radius that is tried first [m].
@@ -64,11 +64,12 @@ def recover(
     plan: Planner,
     *,
     has_orders: bool = False,
+    homes: Mapping[str, Pose] | None = None,
 ) -> Recovery:
     """Replan a fleet from where its robots stand; `rides` has the courses so far.
 
     With `has_orders`, robots at their goals get a part as well, because orders may reach them,
-    unless they are silent.
+    unless they are silent.  `homes`: where robots that have made room go back to.
 
     A robot that has no way to its goal, or for which no order of the robots works, stays where it
     is, and the others are planned around it.  A robot on a given path may leave that path and find
@@ -76,10 +77,12 @@ def recover(
     drive on, because the robot that blocks them may move.  A robot that has come back and cannot
     stand where it says is treated as if it were where it was before.
     """
-    now = next_site(site, rides, told)
+    homes = homes or {}
+    now = next_site(site, rides, told, homes)
     doubts = doubtful(now, told)
     if doubts:
-        now = next_site(site, rides, [_unbelieved(s) if s.robot in doubts else s for s in told])
+        believed = [_unbelieved(s) if s.robot in doubts else s for s in told]
+        now = next_site(site, rides, believed, homes)
     if has_orders:
         now = now.idling({standing.robot for standing in told if standing.is_silent})
     now, dropped = passable(now)

@@ -162,14 +162,19 @@ class Site:
         return Site(replace(self.scenario, robots=tuple(robots)), self.aside)
 
 
+_NOWHERE: Final[Mapping[str, Pose]] = {}
+
 Rides = Mapping[tuple[str, int, int], Driven]
 """The courses that robots were sent, by robot, epoch and revision."""
 
 
-def next_site(site: Site, rides: Rides, told: Sequence[Standing]) -> Site:
+def next_site(
+    site: Site, rides: Rides, told: Sequence[Standing], homes: Mapping[str, Pose] = _NOWHERE
+) -> Site:
     """Return the site after the fleet has come to rest.
 
-    `rides` has the courses that the standings refer to.  A robot of the site's scenario without a
+    `rides` has the courses that the standings refer to; `homes`: where robots that have made room
+    go back to.  A robot of the site's scenario without a
     standing keeps its start.  A robot aside without a standing stays aside, unless it is closed in:
     then it is planned for again.
     """
@@ -181,6 +186,8 @@ def next_site(site: Site, rides: Rides, told: Sequence[Standing]) -> Site:
     for robot in sorted(everybody, key=lambda robot: robot.id):
         was, standing = before.get(robot.id), known.get(robot.id)
         found = _stands(robot, was, standing, rides, site.scenario.margin)
+        if robot.id in homes:
+            found = _going_back(found, homes[robot.id])
         if isinstance(found, Robot):
             robots.append(found)
         else:
@@ -259,6 +266,16 @@ def _at_end(robot: Robot, ride: Driven | None) -> Aside:
         goal = pose_beside(ride, ride.curve.length)
         robot = replace(robot, goal=goal, via=(), path=None)
     return Aside(robot, "arrived", np.array([robot.goal[:2]]), None)
+
+
+def _going_back(found: Robot | Aside, home: Pose) -> Robot | Aside:
+    """Return a robot that goes back from where it was sent to make room, if it can drive."""
+    if isinstance(found, Robot):
+        return replace(found, goal=home, via=(), path=None)
+    robot = found.robot
+    if found.why != "arrived" or math.dist(robot.goal[:2], home[:2]) <= SAME:
+        return found
+    return replace(robot, start=robot.goal, goal=home, via=(), path=None)
 
 
 def _stretches(rides: Rides, standing: Standing) -> Array:

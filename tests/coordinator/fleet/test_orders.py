@@ -283,6 +283,24 @@ def test_an_order_that_waits_to_go_back_survives_a_checkpoint():
     assert (back.is_return, back.order.goal) == (True, (1.0, 1.0))
 
 
+def test_a_new_plan_leads_those_that_made_room_back_unless_they_have_no_way():
+    book, ends = OrderBook(robots=ROBOTS), {"R1": (1.0, 1.0), "R2": (1.0, 1.0)}
+    make_room(book, 1_000, robot="R2")
+    look(book, 2_000, arrived=["R2"])
+    (back,) = book.waiting()
+    back.rooms = 7
+    room = make_room(book, 3_000)
+    assert book.homes() == ends
+    book.begin_epoch({"R1", "R2"}, {})
+    assert room.state == CANCELLED
+    assert [(one.robot, one.is_return) for one in book.under_way()] == [("R2", True), ("R1", True)]
+    assert (book.homes(), back.rooms) == (ends, 0)
+    book.begin_epoch({"R1"}, {"R2": "R3 is in its way"})
+    assert (back.state, back.reason) == (REFUSED, "R3 is in its way")
+    look(book, 9_000, arrived=["R1"])
+    assert (book.is_open, book.homes()) == (False, {})
+
+
 def test_who_goes_around_something_has_the_places_to_pass_that_are_left():
     order = Order(id="a", goal=(9.0, 1.0), robot="R1", via=((2.0, 1.0), (4.0, 1.0)))
     book = OrderBook((order,), robots=ROBOTS)

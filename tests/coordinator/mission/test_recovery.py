@@ -139,6 +139,20 @@ def test_a_robot_that_comes_back_is_planned_for_from_the_place_it_says_even_if_i
     assert [one.why for one in next_site(before, rides(documents), [there]).aside] == ["arrived"]
 
 
+def test_robots_that_made_room_go_back_by_a_new_plan_wherever_they_are(scenario, documents):
+    told = [Standing(robot="A", state="arrived", epoch=1), rests("B", 2.0), lost("C", 1.0, 2.0)]
+    goals = {robot.id: robot.goal for robot in scenario.robots}
+    homes = {"A": (1.0, 1.0), "B": (7.0, 1.0), "C": (5.0, 1.0)}
+    found = recover(Site(scenario), rides(documents), told, 2, plan, homes=homes)
+    assert {one.robot.id: one.why for one in found.site.aside} == {"C": "lost"}
+    planned = {one.id: one for one in drive(found.document)}
+    assert math.dist(planned["A"].curve.points[0], goals["A"]) < 1e-6
+    for name, curve in ((name, planned[name].curve) for name in "AB"):
+        assert math.dist(curve.points[-1], homes[name]) < 1e-6
+    there = next_site(Site(scenario), rides(documents), told[:1], {"A": goals["A"]})
+    assert [(one.robot.id, one.why) for one in there.aside] == [("A", "arrived")]
+
+
 def test_a_robot_whose_goal_is_closed_off_stays_and_is_named_and_the_rest_go_on(scenario):
     closed = replace(scenario.robots[1], goal=(7.0, 4.4))
     scenario = replace(scenario, robots=(scenario.robots[0], closed, scenario.robots[2]))

@@ -102,6 +102,12 @@ def test_robots_that_a_lost_or_closed_in_one_would_have_to_pass_first_are_sent_a
     assert (outcome.violations, outcome.over) == ((), True)
 
 
+def test_robots_that_go_back_do_not_make_room_for_each_other_for_ever():
+    """R9 dies in a lane; five that made room for those behind it block each other's ways back."""
+    outcome = run_seed(generate("aisles", 10, 3), 58, Wish())
+    assert (outcome.violations, outcome.over, outcome.arrived) == ((), True, 9)
+
+
 @pytest.mark.parametrize("seed", [43240, 40156, 43208, 43379, 44004, 54356, 51520])
 def test_robots_that_fail_again_after_they_were_sent_on_leave_everybody_a_way(seed):
     """One is lost before it begins its next course, one stops beside the path of a lost one, one is
