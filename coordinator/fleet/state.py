@@ -308,10 +308,11 @@ class FleetState:
             what = "was started again and waits to be admitted"
         self._tell(now_ns, "fault", member.id, f"{member.id} {what}")
 
-    def go_around(self, member: Member, now_ns: int) -> None:
+    def go_around(self, member: Member, now_ns: int, why: str = "") -> None:
         """Grant a robot nothing more on its course; others go around where it may stand.
 
-        A course that it was not sent yet is not sent any more.
+        A course that it was not sent yet is not sent any more.  `why`: words that follow its name,
+        where nothing was told of it before.
         """
         self.grants.give_up(member.id)
         mine = self.grants.of(member.id)
@@ -323,7 +324,7 @@ class FleetState:
         ):
             member.withdraw_course()
         self.given_up_news.append(member.id)
-        self._tell(now_ns, "fault", member.id, f"others go around {member.id}")
+        self._tell(now_ns, "fault", member.id, f"others go around {member.id}{why}")
 
     def _give_up(self, failing: list[Failing], now_ns: int) -> None:
         """Freeze a fleet that arms on a changed floor: it is planned anew without these robots."""

@@ -392,8 +392,9 @@ class Dispatcher:
         """
         fleet, robot = self._fleet, asked.wish.robot.id
         book, now_ms = fleet.orders, fleet.since_go_ms(now_ns)
-        if asked.yields and answer.proposal is None:
-            fleet.go_around(fleet.members[robot], now_ns)
+        if asked.waits_for and answer.proposal is None:
+            why = f", which waits for {asked.waits_for} and has no other way"
+            fleet.go_around(fleet.members[robot], now_ns, why)
         if task.joins is not None:
             rest = "rest" if len(answer.blockers) > 1 else "rests"
             near = f"{', '.join(answer.blockers)} {rest} too near" if answer.blockers else ""

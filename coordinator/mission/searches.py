@@ -87,9 +87,9 @@ class Asked:
     until: float
     """The plan time [s] by which the course has to arrive, for it to be worth while."""
 
-    yields: bool = False
-    """Whether the robot rests where it is if nothing is found: it waits for one that cannot go on
-    before it has left its course."""
+    waits_for: str = ""
+    """Whom the robot waits for, who cannot go on before it has left its course: if nothing is
+    found, it rests where it is."""
 
     goes_around: bool = False
     """Whether others that may go on again were solid for it."""
@@ -159,7 +159,7 @@ class Searches:
         if request.revision == 0:
             return partial(stand, asked.site, asked.wish, asked.others)
         if asked.ways is None:
-            look = rest if asked.stays else search_or_rest if asked.yields else search
+            look = rest if asked.stays else search_or_rest if asked.waits_for else search
             return partial(look, asked.site, asked.wish, asked.others)
         closed = tuple(asked.closed.values())
         return partial(make_room, asked.site, asked.wish, asked.others, asked.ways, closed)
@@ -248,7 +248,7 @@ class Searches:
             fleet.members[robot].has_stopped(fleet.epoch),
             follows,
             until,
-            yields=leaves and robot in self._obstructions.held_up(),
+            waits_for=self._obstructions.held_up().get(robot, "") if leaves else "",
             goes_around=self._obstructions.goes_around(robot),
             stays=stays,
         )

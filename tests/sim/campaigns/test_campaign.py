@@ -106,6 +106,7 @@ def test_robots_that_go_back_do_not_make_room_for_each_other_for_ever():
     """R9 dies in a lane; five that made room for those behind it block each other's ways back."""
     outcome = run_seed(generate("aisles", 10, 3), 58, Wish())
     assert (outcome.violations, outcome.over, outcome.arrived) == ((), True, 9)
+    assert "others go around R1, which waits for R9 and has no other way" in outcome.said
 
 
 @pytest.mark.parametrize("seed", [43240, 40156, 43208, 43379, 44004, 54356, 51520])
