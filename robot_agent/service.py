@@ -26,7 +26,7 @@ from protocol.messages import (
     Report,
     Rest,
 )
-from protocol.phases import BRAKING, DONE, FREEZE, FROZEN, GO, HOLD, IDLE, MOVING, PHASE_NAMES
+from protocol.phases import DONE, FREEZE, FROZEN, GO, HOLD, IDLE, PHASE_NAMES
 from protocol.plan_parts import unpack_plan
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 from protocol.transport import Transport
@@ -37,15 +37,7 @@ from robot_agent.driver import Driver, DriverError
 from robot_agent.inbox import Inbox
 from robot_agent.loop import PERIOD_NS, FixedRateLoop
 from robot_agent.steady_clock import SteadyClock
-from robot_agent.words import (
-    ANEW,
-    DEAF,
-    HEARS_AGAIN,
-    PATIENCE_NS,
-    Lasting,
-    phase_in_words,
-    waits_for,
-)
+from robot_agent.words import ANEW, Lasting, Trouble, phase_in_words, waits_for
 
 _NOWHERE = (0.0, 0.0, 0.0)
 _AT_REST = (DONE, FROZEN)
@@ -197,7 +189,7 @@ class RobotService:
         self.heard_ns = self.quiet_until_ns = -(2**62)
         self._hellos = 0
         self._phase, self._arrived = HOLD, False
-        self._is_asked = self._is_deaf = False
+        self._is_asked, self._trouble = False, Trouble()
         self._run, self._other_run_ns = 0, -(2**62)
         """The run of the fleet that the robot has a part in, and when it heard another one."""
 
@@ -246,21 +238,16 @@ class RobotService:
     def waits_for(self, now_ns: int) -> str:
         """Return in words what keeps the robot from being armed; empty when nothing does.
 
-        Of a robot that was under way when its coordinator fell silent: that it hears nobody, and
-        then that it hears its coordinator again.  Of one that has a part in a run: that it hears a
-        coordinator of another one in place of its own.
+        Of a robot under way: what keeps it from driving on, and then that this has ended.  Of one
+        that has a part in a run: that it hears a coordinator of another one in place of its own.
         """
-        silent_ns = now_ns - self.heard_ns
-        heard = silent_ns < _SILENCE_NS
+        heard = now_ns - self.heard_ns < _SILENCE_NS
         if self.agent.phase != IDLE:
             self._arrived = self.agent.phase == DONE
             if not heard and now_ns - self._other_run_ns < _SILENCE_NS:
                 return ANEW
-            if not heard and (self._is_deaf or self.agent.phase in (MOVING, BRAKING)):
-                self._is_deaf |= silent_ns >= _SILENCE_NS + PATIENCE_NS
-                return DEAF
-            return HEARS_AGAIN if self._is_deaf else ""
-        self._is_deaf = False
+            return self._trouble.hear(self.agent, heard, now_ns)
+        self._trouble.forget()
         pose = self._driver.pose()
         name, arrived = self.robot.id, self._arrived
         return waits_for(self.agent, name, self._fleet, self._phase, heard, pose, arrived)

@@ -6,11 +6,15 @@ or anything that makes a robot move.
 
 from __future__ import annotations
 
+from typing import Final
+
 from protocol.phases import (
+    BRAKING,
     DRIVER_ERROR,
     FROZEN,
     HOLD,
     IDLE,
+    MOVING,
     NO_FAULT,
     OFF_PATH,
     PHASE_NAMES,
@@ -24,12 +28,17 @@ SOMEWHERE = "--connect ..."
 """The option of commands in texts that do not know where the fleet is reached."""
 
 PATIENCE_NS = SECOND
+_STANDS: Final = 1e-3
+"""A robot that is to drive slower than this [m/s] stands."""
+
 DEAF = "hears no coordinator, stops where its authority ends"
 ANEW = (
     "hears a coordinator that began anew, and waits for one that goes on from the log (--resume); "
     "to take part in the new run, start this program again"
 )
 HEARS_AGAIN = "hears its coordinator again"
+HELD = "stands where its authority ends: somebody is in its way, or a place is closed"
+GOES_ON = "drives on"
 
 
 class Lasting:
@@ -51,6 +60,36 @@ class Lasting:
             return ""
         self._told = reason
         return text
+
+
+class Trouble:
+    """What keeps a robot under way from driving on, in words, and that this has ended."""
+
+    def __init__(self) -> None:
+        self._now = self._lasted = ""
+        self._since_ns = 0
+
+    def forget(self) -> None:
+        """Take in that the robot is not under way any more."""
+        self._now = self._lasted = ""
+
+    def hear(self, agent: Agent, heard: bool, now_ns: int) -> str:
+        """Return what keeps the robot, or that what kept it for long does not any more, or "".
+
+        `heard`: whether its coordinator is heard.
+        """
+        now = ""
+        if not heard and (self._lasted == DEAF or agent.phase in (MOVING, BRAKING)):
+            now = DEAF
+        elif agent.phase == MOVING and agent.drive_speed < _STANDS:
+            now = HELD if agent.report_late > 0 or self._now == HELD else ""
+        if now != self._now:
+            self._now, self._since_ns = now, now_ns
+        if now and now_ns - self._since_ns >= PATIENCE_NS:
+            self._lasted = now
+        if now or self._lasted == DEAF:
+            return now or HEARS_AGAIN
+        return GOES_ON if self._lasted == HELD and agent.phase == MOVING else ""
 
 
 def phase_in_words(agent: Agent, error: str) -> str:

@@ -20,13 +20,15 @@ from protocol.timing import SECOND
 from robot_agent.core.agent import Agent
 from robot_agent.words import (
     DEAF,
+    GOES_ON,
     HEARS_AGAIN,
+    HELD,
     PATIENCE_NS,
     Lasting,
     phase_in_words,
     waits_for,
 )
-from tests.robot_agent.core.rides import COORDINATOR, ME, MS, TERM
+from tests.robot_agent.core.rides import COORDINATOR, ME, MS, NUMBER, TERM
 from tests.robot_agent.test_service import FLEET, Hall, raise_interrupt
 
 HERE = (1.0, 2.0, 0.0)
@@ -147,6 +149,23 @@ def test_a_robot_under_way_tells_once_that_it_hears_nobody_and_once_that_it_hear
     told = [line.removeprefix(f"{ME}: ") for line in told]
     assert told.count(DEAF) == told.count(HEARS_AGAIN) == 1
     assert told.index("moving") < told.index(DEAF) < told.index(HEARS_AGAIN)
+
+
+def test_a_robot_that_may_drive_no_farther_tells_so_and_that_it_drives_on():
+    hall = Hall()
+    hall.held = ((NUMBER, 100),)
+    react = hall.react
+
+    def let_go():
+        react()
+        if hall.phase == GO and (hall.clock() + 10**12 - hall.start_ns) > 4 * SECOND:
+            hall.held = ()
+
+    hall.react = let_go
+    told = [line.removeprefix(f"{ME}: ") for line in told_until(hall, 10.0)]
+    assert told.count(HELD) == told.count(GOES_ON) == 1
+    assert told.index("moving") < told.index(HELD) < told.index(GOES_ON)
+    assert DEAF not in told
 
 
 def test_a_robot_that_arms_at_once_tells_its_phases_alone():
