@@ -35,7 +35,7 @@ from coordinator.places.early_moves import early_moves
 from coordinator.places.move_kernels import SOLVED, Indices
 from coordinator.places.moves import find_moves
 from coordinator.places.place_graph import ROOM, Graph, place_graph
-from coordinator.places.shortcuts import Moves, straightened
+from coordinator.places.shortcuts import IsClear, Moves, straightened
 from coordinator.scenario.model import Robot, Scenario
 from coordinator.schedule.junctions import FEW
 from coordinator.schedule.track import Track
@@ -156,22 +156,38 @@ def _find_on(
         return robot not in kept and bool(spaces[robot].keeping(start[None], end[None])[0])
 
     if len(spaces) > FEW and len(graph.team.need) == 1:
-        speed = max(scenario.planned_speed(robot) for robot in scenario.robots)
-        early, share, waits = early_moves(graph, found, speed * tau)
         with suppress(PlanError):
-            # Where robots pass fewer places, they wait longer for each other.
-            legs = _legs(scenario, finder, _driven(graph, early), kept)
-            each = zip(legs, scenario.robots, waits.tolist(), strict=True)
-            long = {k for k, one in enumerate(each) if _is_long(*one)}
-            if long:
-                fewer = straightened(
-                    _driven(graph, early),
-                    lambda robot, start, end: robot in long and is_clear(robot, start, end),
-                )
-                legs = _legs(scenario, finder, fewer, kept)
-            yield legs, share < _CLEARLY or len(spaces) > _MOST_COMPARED
+            yield _moving_early(graph, found, scenario, finder, tau, kept, is_clear)
     with suppress(PlanError):
         yield _legs(scenario, finder, straightened(_driven(graph, found), is_clear), kept), True
+
+
+def _moving_early(
+    graph: Graph,
+    found: Indices,
+    scenario: Scenario,
+    finder: Pathfinder,
+    tau: float,
+    kept: Mapping[int, _OwnWay],
+    is_clear: IsClear,
+) -> tuple[list[Legs], bool]:
+    """Return paths along moves (m, 2) that begin as early as they can, as `find_legs` yields them.
+
+    Robots whose paths would be too long for a message pass fewer places: they then wait longer for
+    each other.  Raises PlanError if a robot has no room to drive its moves.
+    """
+    speed = max(scenario.planned_speed(robot) for robot in scenario.robots)
+    early, share, waits = early_moves(graph, found, speed * tau)
+    moves = _driven(graph, early)
+    legs = _legs(scenario, finder, moves, kept)
+    each = zip(legs, scenario.robots, waits.tolist(), strict=True)
+    long = {k for k, one in enumerate(each) if _is_long(*one)}
+    if long:
+        fewer = straightened(
+            moves, lambda robot, start, end: robot in long and is_clear(robot, start, end)
+        )
+        legs = _legs(scenario, finder, fewer, kept)
+    return legs, share < _CLEARLY or len(legs) > _MOST_COMPARED
 
 
 def _is_long(legs: Legs, robot: Robot, waits: int) -> bool:
