@@ -4,8 +4,8 @@ A course for an order is looked for (searches.py), and put into effect if it is 
 It counts only if no authority told since breaks it, and it is proven among the courses committed
 since, too; otherwise it is looked for again.
 
-Decides: when a robot's next course is looked for, when a robot makes room, when an order is
-refused.  Must not know: how courses are found, which robot gets which order, links, files.
+Decides: when a robot's next course is looked for, when an order is refused.  Must not know: how
+courses are found, which robot gets which order, links, files.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import msgspec
 import numpy as np
@@ -26,6 +26,7 @@ from coordinator.fleet.events import Incident
 from coordinator.fleet.log_records import CourseRequest
 from coordinator.fleet.orders import Flags, Task
 from coordinator.mission.free_robots import FreeRobots
+from coordinator.mission.making_room import MakingRoom, Tried
 from coordinator.mission.obstructions import Obstructions, PlainObstructions
 from coordinator.mission.searches import Asked, Searches
 from coordinator.plan.wire import address
@@ -46,12 +47,6 @@ this."""
 _NOBODY_MOVES_MS: Final = 20_000
 """Orders for which nothing is found for so long while nobody moves are refused."""
 
-_MOST_ROOMS: Final = 20
-"""Robots that have made room for an order so often take turns in its way, maybe for ever."""
-
-_MOST_TURNS: Final = 10
-"""Robots that go back, and of which so many made room for each other, would do so for ever."""
-
 _LATE: Final = 4.0
 """A robot that is later than this [s] and holds others may get its times anew."""
 
@@ -67,16 +62,6 @@ _RENEW_MS: Final = 15_000
 
 _JOIN_PATIENCE: Final = 60 * SECOND
 """How long a robot that joins has to be heard for the first time."""
-
-
-class _State(NamedTuple):
-    """What decides whether a search that found nothing may find something now.
-
-    `commits`: how many courses were committed; `idle`: the robots that have nothing to do.
-    """
-
-    commits: int
-    idle: tuple[str, ...]
 
 
 class PlainDispatcher(msgspec.Struct, frozen=True):
@@ -102,14 +87,10 @@ class Dispatcher:
 
         self.obstructions = Obstructions(fleet, self.robots, self._may_leave)
         self.searches = Searches(fleet, self.robots, self.obstructions)
+        self._rooms = MakingRoom(fleet, self.robots, self.searches)
         self._free = FreeRobots(fleet, self.robots, self.searches)
-        self._tried: dict[str, tuple[_State, int]] = {}
+        self._tried: dict[str, tuple[Tried, int]] = {}
         """By order: the state of the fleet and the time [ms] when nothing was found for it."""
-        self._ways: dict[str, tuple[float, Array]] = {}
-        """By order that makes room: the radius and path of the robot that needs it."""
-        self._no_room: dict[str, _State] = {}
-        """By robot: the state of the fleet when no place was found for it to make room at."""
-
         self._renewed: dict[str, int] = {}
         """By late robot: when [ms] new times were last looked for."""
 
@@ -127,14 +108,13 @@ class Dispatcher:
         self._mark = (mark[0], 0) if mark == self._mark else (-1, 0)
         self.searches.begin()
         self._tried.clear()
-        self._no_room.clear()
         self._renewed.clear()
         return PlainDispatcher(
             [plain.plain(robot) for robot in self.robots.values()],
             self.searches.serial,
             self._moved_ms,
             self._mark,
-            {name: (radius, way.tobytes()) for name, (radius, way) in self._ways.items()},
+            self._rooms.plain(),
             self.obstructions.plain(),
         )
 
@@ -145,10 +125,7 @@ class Dispatcher:
         self.robots.update((robot.id, robot) for robot in known)
         self.searches.serial = told.serial
         self._moved_ms, self._mark = told.moved_ms, told.mark
-        self._ways = {
-            name: (radius, np.frombuffer(way).reshape(-1, 2).copy())
-            for name, (radius, way) in told.ways.items()
-        }
+        self._rooms.take_plain(told.ways)
         self.obstructions.take_plain(told.obstructions)
 
     def begin(self, make_site: Callable[[], Site] | None) -> None:
@@ -176,7 +153,7 @@ class Dispatcher:
         self._refuse_closed(now_ms)
         idle = self._free.idle(now_ns)
         asked = self.searches.orders()
-        state = _State(self.searches.commits, tuple(idle))
+        state = Tried(self.searches.commits, tuple(idle))
         tasks = [
             task
             for task in book.waiting()
@@ -330,7 +307,7 @@ class Dispatcher:
         if not fleet.grants.commit(
             request.number, proposal.course, proposal.near, proposal.staircases
         ):
-            self._tried[task.order.id] = (_State(self.searches.commits, tuple(idle)), now_ms)
+            self._tried[task.order.id] = (Tried(self.searches.commits, tuple(idle)), now_ms)
             return None
         self.searches.note_commit(proposal.course)
         plan = address(proposal.message, fleet.boot)
@@ -342,7 +319,7 @@ class Dispatcher:
             return replace(asked.wish.robot, goal=proposal.course.goal)
         if asked.leaves:
             fleet.orders.put_back(request.robot)
-        self._ways.pop(task.order.id, None)
+        self._rooms.end(task)
         if task.makes_room:
             task.order = replace(task.order, goal=proposal.course.goal)
             text = f"{request.robot} {task.reason or task.purpose}"
@@ -402,15 +379,15 @@ class Dispatcher:
             self._fleet.members.pop(robot, None)
             book.forget(robot)
             return
-        state = _State(self.searches.commits, tuple(idle))
+        state = Tried(self.searches.commits, tuple(idle))
         if task.makes_room:
-            self._no_room[robot] = state
+            self._rooms.finds_no_place(robot, state)
         is_closed = math.isinf(answer.alone) and self._nobody_else(task, robot)
         # One who closes its way may go on again.
         is_closed &= not (task.order.robot and asked.goes_around)
         if task.makes_room or is_closed:
             book.end(task, REFUSED, f"{robot} {answer.reason}")
-            self._ways.pop(task.order.id, None)
+            self._rooms.end(task)
             if asked.leaves and task.revision > 0 and book.of_robot(robot) is None:
                 book.leave(task, robot, now_ms)  # Its course still leads there.
             return
@@ -420,50 +397,19 @@ class Dispatcher:
             task.reason = f"waits for {by}" if by else f"{robot} {answer.reason}"
         if not task.order.robot:
             task.robot = ""
-        self._let_make_room(task, asked, answer, state, now_ns)
-
-    def _let_make_room(
-        self, task: Task, asked: Asked, answer: Answer, state: _State, now_ns: int
-    ) -> None:
-        """Let the idle robots among those in an order's way make room for it.
-
-        Those that go back do not do so for each other for ever: then the fleet is planned anew.
-        """
-        fleet, book, robot = self._fleet, self._fleet.orders, asked.wish.robot
-        if task.is_return and task.rooms >= _MOST_TURNS:
-            fleet.plan_anew("robots make room for each other again and again", now_ns)
-            return
-        if task.rooms >= _MOST_ROOMS:
-            by = ", ".join(dict.fromkeys(answer.blockers)) or "somebody"
-            why = f"others made room {task.rooms} times, and {by} is in the way again"
-            book.end(task, REFUSED, f"{robot.id} has no way: {why}")
-            return
-        waiting = {one.robot for one in book.waiting() if one.makes_room}
-        for name in filter(fleet.members.__contains__, answer.blockers):  # Others left meanwhile.
-            if fleet.members[name].lost:
-                fleet.grants.keep_from(robot.id, name)
-            own = [one for one in book.waiting() if one.robot == name]
-            is_idle = name in state.idle and name not in waiting
-            is_idle &= self._no_room.get(name) != state
-            if is_idle and answer.way is not None and all(o.order.id in self._tried for o in own):
-                now_ms = fleet.since_go_ms(now_ns)
-                room = book.room_for(name, self.searches.place(name)[0], task.order.id, now_ms)
-                room.returns_to = None if book.is_used else self.robots[name].goal
-                self._ways[room.order.id] = (robot.radius, answer.way)
-                task.rooms += 1
-                room.rooms = task.rooms if task.is_return else 0
+        self._rooms.let_make_room(task, asked, answer, state, self._tried, now_ns)
 
     def _ask(
         self, task: Task, robot: str, now_ns: int, *, leaves: bool = False, follows: bool = False
     ) -> CourseRequest:
-        way = self._ways.get(task.order.id)
+        way = self._rooms.way_of(task)
         return self.searches.ask(task, robot, way, now_ns, leaves=leaves, follows=follows)
 
     def _ask_join(self, task: Task, robot: Robot, now_ns: int) -> CourseRequest:
         self.robots[robot.id] = robot
         return self.searches.ask_join(task, robot, now_ns)
 
-    def _is_due(self, task: Task, state: _State, now_ms: int) -> bool:
+    def _is_due(self, task: Task, state: Tried, now_ms: int) -> bool:
         tried = self._tried.get(task.order.id)
         return tried is None or tried[0] != state or now_ms - tried[1] >= _AGAIN_MS
 

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from coordinator.findings.log_proof import prove_log
 from coordinator.log.log_file import logs_before, read_log
-from coordinator.mission import dispatch
+from coordinator.mission import making_room
 from coordinator.mission.aside_news import AsideNews
 from coordinator.mission.obstructions import Obstructions
 from coordinator.planning.planner import plan_scenario
@@ -167,7 +167,7 @@ def a_lane():
 
 
 def test_an_order_for_which_others_make_room_again_and_again_is_refused(monkeypatch):
-    monkeypatch.setattr(dispatch, "_MOST_ROOMS", 0)
+    monkeypatch.setattr(making_room, "_MOST_ROOMS", 0)
     robots = [idle("R1", (1.0, 3.5)), idle("R2", (5.0, 3.5), home=(9.0, 1.0))]
     order = Order(id="through", goal=(9.0, 3.5), robot="R1")
     world = a_world(replace(a_scenario(robots), workspace=a_lane(), orders=(order,)))
