@@ -39,7 +39,7 @@ _CHANCE: Final = 4
 """Of so many robots in a robot's way one stays where it is."""
 
 _CHECKED: Final = 128
-_SLOW: Final = 0.98
+_SLOW: Final = 0.99
 """The search ends if in _CHECKED rounds the delays fall to no less than the share _SLOW."""
 
 _PER_ROUND: Final = 1000
@@ -401,7 +401,41 @@ def _in_its_way(
 
 
 @compiled
+def _at_a_crossing(
+    robot: int, plans: Plans, books: Books, chosen: Flags, most: int, noise: Indices
+) -> int:
+    """Choose up to `most` robots that come near one of a robot's moves, nearest in time first.
+
+    Returns how many.
+    """
+    found, size = 0, plans.size[robot]
+    if size == 0:
+        return 0
+    number = _random(noise, size)
+    e, at = plans.edge[robot, number], plans.start[robot, number]
+    first = books.edge.first[e]
+    last = first + books.edge.size[e]
+    after = first
+    while after < last and books.edge.times[after, 0] < at:
+        after += 1
+    before = after - 1
+    while found < most and (before >= first or after < last):
+        gone = at - books.edge.times[before, 1] if before >= first else math.inf
+        coming = books.edge.times[after, 0] - at if after < last else math.inf
+        if gone < coming:
+            k, before = before, before - 1
+        else:
+            k, after = after, after + 1
+        other = books.edge.whose[k]
+        if not chosen[other] and _random(noise, _CHANCE) > 0:
+            chosen[other] = True
+            found += 1
+    return found
+
+
+@compiled
 def _taken_out(
+    plans: Plans,
     delay: Array,
     starts: Indices,
     left: Array,
@@ -420,7 +454,10 @@ def _taken_out(
     chosen = np.zeros(count, np.bool_)
     chosen[late] = True
     wanted = 1 + _random(noise, most)
-    size = 1 + _in_its_way(starts[late], left[late], floor, books, chosen, wanted - 1, noise)
+    if _random(noise, 2) == 0:
+        size = 1 + _at_a_crossing(late, plans, books, chosen, wanted - 1, noise)
+    else:
+        size = 1 + _in_its_way(starts[late], left[late], floor, books, chosen, wanted - 1, noise)
     for _ in range(min(wanted, _LEAST) - size):
         chosen[_random(noise, count)] = True
     order = np.flatnonzero(chosen)
@@ -465,7 +502,7 @@ def improve(
                 break
             before = delay
         most = min(_MOST, _FEW + rounds // _FEW_ROUNDS)
-        order = _taken_out(plans.arrival - alone, starts, left, floor, books, most, noise)
+        order = _taken_out(plans, plans.arrival - alone, starts, left, floor, books, most, noise)
         rounds += 1
         effort -= _PER_ROUND
         latest = plans.arrival[order].sum() - alone[order].sum() + _GAIN

@@ -386,7 +386,7 @@ class _Stages:
         if best == math.inf:
             return None
         self.notes = ["robots make room for each other: they rest on their ways and go on"]
-        return with_owners(self.junctions, found)
+        return with_owners(self.junctions, found, all_waits=True)
 
     def _improved(self, motions: list[Motion], priorities: list[int], effort: int) -> list[Motion]:
         """Give robots detours where these are quicker; then schedule a small fleet once more."""

@@ -12,10 +12,13 @@ import random
 from collections.abc import Sequence
 from typing import Final
 
+import numpy as np
+
 from coordinator.motion.velocity_profile import Motion
 from coordinator.schedule.conflict_search import ConflictSearch
+from coordinator.schedule.forbidden_interval_kernels import BOTH, FIRST
 from coordinator.schedule.junctions import Junctions
-from coordinator.schedule.safe_intervals import earliest_motion
+from coordinator.schedule.safe_intervals import Begun, earliest_motion, rest_of_motion
 from coordinator.schedule.timetable import Motions
 
 _LARGEST: Final = 6
@@ -127,11 +130,29 @@ class Improvement:
         assert old is not None
         self.motions.put(index, None)
         motion = earliest_motion(self.junctions, self.motions, index, latest=old.finish + _GAIN)
+        if motion is None:
+            motion = self._resting_less(index, old)
         if motion is None or not self._may(index, motion):
             self.motions.put(index, old, serial)
         else:
             self.motions.put(index, motion)
             self.delay[index] = motion.finish - self.junctions.tracks[index].alone
+
+    def _resting_less(self, index: int, old: Motion) -> Motion | None:
+        """Return the motion of a robot that leaves one of its rests earlier; None if there is none.
+
+        What it does before may leave it no other time, and others none to spare.
+        """
+        others, best = self.junctions.rows_of(index)[0].other, None
+        modes = np.where(self.motions.placed[others], BOTH, FIRST)
+        for k, wait in enumerate(old.waits):
+            if wait.s > 0.0:
+                there = float(old.reached(np.array([wait.s]))[0])
+                begun = Begun(tuple(old.waits[:k]), wait.s, there, wait.depart, wait.s, wait.s)
+                motion = rest_of_motion(self.junctions, self.motions, index, begun, modes)
+                if motion is not None and motion.finish < (best or old).finish - _GAIN:
+                    best = motion
+        return best
 
     def _neighbourhood(self, late: list[int]) -> list[int]:
         """Return robots to remove: a delayed one, and some that it waits for or is near."""

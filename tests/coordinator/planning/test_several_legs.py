@@ -43,6 +43,23 @@ def test_three_robots_exchange_their_places_at_a_junction():
     assert complaints(to_json(plan), scenario) == []
 
 
+def test_a_robot_that_rests_for_others_goes_on_when_they_have_passed():
+    """R0 has to set out before R4 comes, and not before R1 has: no other time is left."""
+    hall = ((0, 0), (3, 0), (3, 1.2), (7, 1.2), (7, 1.8), (3, 1.8), (3, 3), (0, 3))
+    xs = [6.7, 6.1, 5.5, 4.9, 4.3]
+    slow = {"max_speed": 0.5, "max_accel": 0.5, "max_lateral_accel": 0.5}
+    robots = [
+        replace(robot(f"R{k}", (x, 1.5), (back, 1.5)), **slow)
+        for k, (x, back) in enumerate(zip(xs, xs[::-1], strict=True))
+    ]
+    workspace = Workspace(boundary=tuple((float(x), float(y)) for x, y in hall))
+    scenario = Scenario(name="aisle", workspace=workspace, robots=tuple(robots), margin=0.05)
+    plan = plan_scenario(scenario)
+    assert plan.proof.holds
+    arrivals = sorted(one.finish_time for one in plan.robots)
+    assert all(stop.depart < arrivals[-2] for one in plan.robots for stop in one.stops)
+
+
 @pytest.mark.parametrize(
     ("which", "told"),
     [
@@ -86,7 +103,7 @@ def test_robots_that_are_in_each_others_way_make_room(kind, robots):
 
 
 def test_many_robots_arrive_earlier_by_moves_that_start_at_times(monkeypatch):
-    scenario = generate("aisles", 20, 0)
+    scenario = generate("aisles", 20, 1)
     plan = plan_scenario(scenario)
     assert plan.proof.holds
     assert complaints(to_json(plan), scenario) == []
