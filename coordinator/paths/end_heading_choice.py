@@ -47,7 +47,7 @@ _RESERVE: Final = 1.15
 _SEEN: Final = 5
 """How many vertices of the way a lead may continue to, besides the last one."""
 
-_KEPT: Final = 3
+_KEPT: Final = 6
 """How many leads of each kind are tried at one end: straight ones, left and right turns."""
 
 _ROOMY: Final = 2
@@ -93,7 +93,9 @@ def choices(robot: Robot, space: Space, handling: Handling) -> list[Leads]:
     last = _joined(robot, _reversed(robot.goal), back, space, handling)
     if not robot.via and len(robot.start) == len(robot.goal) == 3:
         first = _joined(robot, robot.start, _met(way, last), space, handling)
-    pairs = sorted(product(first, last), key=_lacks_and_takes)
+    pairs = list(product(first, last))
+    keys = _together(pairs, way, space, _comfort(robot, handling), handling, not robot.via)
+    pairs = [pairs[k] for k in sorted(range(len(pairs)), key=keys.__getitem__)]
     return [(a.lead.vertices, b.lead.vertices[::-1]) for a, b in pairs]
 
 
@@ -103,10 +105,41 @@ def _met(way: Array, others: Sequence[_Joined]) -> Array:
     return way if not best.lead.vertices else np.concatenate((way[:-1], [best.lead.last]))
 
 
-def _lacks_and_takes(pair: tuple[_Joined, _Joined]) -> tuple[float, float]:
-    """Return the sums of `tight` [m] and of `time` [s] of two leads, by which pairs are sorted."""
-    a, b = pair
-    return a.tight + b.tight, a.time + b.time
+def _together(
+    pairs: Sequence[tuple[_Joined, _Joined]],
+    way: Array,
+    space: Space,
+    comfort: float,
+    handling: Handling,
+    may_see: bool,
+) -> list[tuple[float, float]]:
+    """Return what pairs of leads lack [m] and take [s], by which they are sorted.
+
+    way (n, 2) [m]: the way of a robot without headings.  `may_see`: whether a straight leg may join
+    two leads; if one does, they are judged together.
+    """
+    ends = np.array([(a.lead.last, b.lead.last) for a, b in pairs])
+    seen = np.zeros(len(pairs), np.bool_)
+    if may_see and all(one.lead.vertices for one in pairs[0]):
+        seen = space.keeping(ends[:, 0], ends[:, 1])
+    alone, found = float(np.hypot(*np.diff(way, axis=0).T).sum()) / handling.speed, []
+    for (a, b), is_seen in zip(pairs, seen.tolist(), strict=True):
+        time = a.time + b.time - alone
+        if is_seen:
+            gap = math.dist(a.lead.last, b.lead.last)
+            # Turns around one circle go on over the leg between them (smoothing.py).
+            goes_on = a.lead.side == -b.lead.side != 0 and gap < 2.0 * a.lead.width
+            share, left = 1.0 if goes_on else 0.5, gap + b.lead.length
+            a = _judged(a.lead, b.lead.last, left, True, comfort, handling, share)
+            b = _judged(b.lead, a.lead.last, 0.0, True, comfort, handling, share)
+            time = a.time + b.time - b.lead.length / handling.speed
+        found.append((a.tight + b.tight, time))
+    return found
+
+
+def _comfort(robot: Robot, handling: Handling) -> float:
+    """Return the radius [m] that a robot's turns should have."""
+    return max(handling.tightest, _RESERVE * COMFORTABLE * robot.radius)
 
 
 def _joined(
@@ -137,7 +170,7 @@ def _joined(
     gaps = np.hypot(*(ends[:, None] - ahead).transpose(2, 0, 1))
     seen = seen.reshape(gaps.shape)
     left = np.where(seen, 1.0, _UNSEEN) * gaps + rest
-    comfort = max(handling.tightest, _RESERVE * COMFORTABLE * robot.radius)
+    comfort = _comfort(robot, handling)
     joined = [
         _judged(lead, ahead[k].tolist(), float(left[i, k]), bool(seen[i, k]), comfort, handling)
         for i, (lead, k) in enumerate(zip(found, left.argmin(axis=1).tolist(), strict=True))
@@ -150,7 +183,13 @@ def _joined(
 
 
 def _judged(
-    lead: Lead, ahead: list[float], left: float, seen: bool, comfort: float, handling: Handling
+    lead: Lead,
+    ahead: Sequence[float],
+    left: float,
+    seen: bool,
+    comfort: float,
+    handling: Handling,
+    share: float = 0.5,
 ) -> _Joined:
     """Judge a lead from which the way continues to the place `ahead` (2,).
 
@@ -163,7 +202,7 @@ def _judged(
     ahead_of_it = lead.side == 0 or _BEHIND <= lead.side * turn <= STEP + 0.02
     doubt = 0 if seen and ahead_of_it else 1 if ahead_of_it else 2
     if STRAIGHT < abs(turn) < _SHARPEST:
-        wide = min(lead.width, 0.5 * math.hypot(x, y), width_for(handling.easy, turn))
+        wide = min(lead.width, share * math.hypot(x, y), width_for(handling.easy, turn))
         radius = min(radius, radius_of(wide, turn))
     elif abs(turn) >= _SHARPEST:
         doubt = max(doubt, 1)

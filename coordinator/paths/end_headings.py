@@ -21,7 +21,7 @@ from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.ground.free_space import Space
 from coordinator.scenario.model import Robot
 
-STEP: Final = math.pi / 4
+STEP: Final = math.pi / 8
 """Turn [rad] at each vertex of a lead around a circle."""
 
 END_SHARE: Final = 0.9
@@ -51,10 +51,10 @@ _OFF_END: Final = 1e-3
 _LONGEST: Final = 0.45
 """The longest straight lead, as a share of the distance to the last place ahead."""
 
-_MOST_STEPS: Final = 8
-_CIRCLE: Final = 1.08 / math.cos(0.5 * STEP)
-"""Half of the radius of the circle that vertices go around, per metre of the radius of turns: a
-corner that takes half of each leg has the radius circle / 2 * cos(step / 2); 8 % in reserve."""
+_MOST_STEPS: Final = 16
+_CIRCLE: Final = 1.03 / math.cos(0.5 * STEP) ** 2
+"""Radius of the circle on which vertices lie, per metre of the radius of turns (spline_fit.py); 3 %
+in reserve."""
 
 _EASY: Final = (0.6, 0.3)
 """Robots that turn on the spot take turns of these radii, as shares of the robot's radius."""
@@ -157,13 +157,13 @@ def _radii(robot: Robot) -> list[float]:
 
 def _around(pose: Sequence[float], radius: float, side: int) -> Iterator[Lead]:
     """Yield leads with more and more vertices around a circle; side: 1 turns left, -1 right."""
-    leg = 4.0 * _CIRCLE * radius * math.tan(0.5 * STEP)
-    heading, length = pose[2], 0.5 * leg / END_SHARE
+    leg = 2.0 * _CIRCLE * radius * math.sin(0.5 * STEP)
+    heading, length, width = pose[2], leg, END_SHARE * leg
     x, y = pose[0] + length * math.cos(heading), pose[1] + length * math.sin(heading)
     vertices = [np.array((x, y))]
-    yield Lead(vertices, (x, y), heading, length, 0.5 * leg, side, radius)
+    yield Lead(vertices, (x, y), heading, length, width, side, radius)
     for _ in range(_MOST_STEPS):
         heading += side * STEP
         x, y, length = x + leg * math.cos(heading), y + leg * math.sin(heading), length + leg
         vertices = [*vertices, np.array((x, y))]
-        yield Lead(vertices, (x, y), heading, length, 0.5 * leg, side, radius)
+        yield Lead(vertices, (x, y), heading, length, leg, side, radius)

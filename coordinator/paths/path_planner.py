@@ -234,15 +234,15 @@ class Pathfinder:
         If no path has such turns, returns the one with the widest turns.  If there is no path,
         raises the error of the attempt that got farthest.
         """
-        handling, headed = self.handling(robot), _headed(robot)
+        handling = self.handling(robot)
         worst: PlanError | None = None
         made: list[tuple[float, float, Fit]] = []
         for ends in choices(robot, space, handling)[:_MOST_TRIED]:
             if lead is not None:
-                ends, headed = ([np.array(lead)], ends[1]), (True, headed[1])
+                ends = [np.array(lead)], ends[1]
             try:
                 polygon, exact = self._polygon(robot, space, ends)
-                found = smooth(polygon, exact, space, handling, headed)
+                found = smooth(polygon, exact, space, handling, (len(ends[0]), len(ends[1])))
                 check_headings(robot, found.curve)
             except TurnError as error:
                 if not isinstance(worst, TurnError) or error.radius > worst.radius:

@@ -46,24 +46,26 @@ def smooth(
     exact: Flags,
     space: Space,
     handling: Handling,
-    headed: tuple[bool, bool] = (False, False),
+    led: tuple[int, int] = (0, 0),
 ) -> Fit:
     """Return the cubic curve along a polygon (n, 2) [m], in the numbers of the wire (float32).
 
-    exact (n,): vertices that the curve passes exactly; at the others it cuts the corner.  `headed`:
-    whether the curve must have the direction of the first and of the last leg at its ends.  Raises
-    PlanError if a turn has no room, TurnError if it is tighter than the robot can turn.
+    exact (n,): vertices that the curve passes exactly; at the others it cuts the corner.  `led`:
+    how many vertices of a lead follow the start, and how many come before the goal, if the curve
+    must have the direction of the first or of the last leg there; several lie on a circle, one leg
+    apart.  Raises PlanError if a turn has no room, TurnError if it is tighter than the robot can
+    turn.
 
     If a way has too many corners for a message, some are removed, which makes it longer.
     """
     space = space.near(polygon)
-    found = _smoothed(polygon, exact, space, handling, headed)
+    found = _smoothed(polygon, exact, space, handling, led)
     for spent in _SPENT_PER_CORNER:
         if _fits(found.curve, handling):
             break
         with suppress(PlanError):
             thrifty = replace(handling, spent_per_corner=spent)
-            fewer = _smoothed(polygon, exact, space, thrifty, headed)
+            fewer = _smoothed(polygon, exact, space, thrifty, led)
             found = min(found, fewer, key=lambda fit: len(fit.curve.points))
     return found
 
@@ -106,48 +108,67 @@ def _fits(curve: Nurbs, handling: Handling) -> bool:
 
 
 def _smoothed(
-    polygon: Array, exact: Flags, space: Space, handling: Handling, headed: tuple[bool, bool]
+    polygon: Array, exact: Flags, space: Space, handling: Handling, led: tuple[int, int]
 ) -> Fit:
     """Do what `smooth` does; `space` needs only the discs that are near the polygon."""
-    polygon, exact = _without_straight(polygon, exact, headed)
-    blunted, passed = blunt(polygon, exact, space, headed, handling.easy)
+    polygon, exact = _without_straight(polygon, exact, led)
+    blunted, passed = blunt(polygon, exact, space, (led[0] > 0, led[1] > 0), handling.easy)
     if blunted is not polygon:
-        polygon, exact = _without_straight(blunted, passed, headed)
-    begin, end = 1 + headed[0], len(polygon) - 1 - headed[1]
+        polygon, exact = _without_straight(blunted, passed, led)
+    begin, end = 1 + led[0], len(polygon) - 1 - led[1]
     numbers = handling.numbers()
     wider, passed = merge(polygon, exact, begin, end, numbers, space.solid)
     end -= len(polygon) - len(wider)
     budget = _PUSH_SHARE * float(lengths_along(polygon)[-1]) / max(end - begin, 1)
     wider = push(wider, passed, begin, end, budget, numbers, space.solid)
-    found = _rounded(wider, passed, space, handling)
+    found = _rounded(wider, passed, space, handling, led)
     too_long = found.curve.length > _LONGEST * lengths_along(polygon)[-1]
     if too_long and handling.spent_per_corner == 0.0:
         with suppress(TurnError):
-            return _turnable(_rounded(polygon, exact, space, handling), handling)
+            return _turnable(_rounded(polygon, exact, space, handling, led), handling)
     return _turnable(found, handling)
 
 
-def _rounded(polygon: Array, exact: Flags, space: Space, handling: Handling) -> Fit:
+def _rounded(
+    polygon: Array, exact: Flags, space: Space, handling: Handling, led: tuple[int, int]
+) -> Fit:
     """Round the corners of a polygon, less widely where the curve is not proven clear otherwise."""
-    return _clear(polygon, exact, space, widths(polygon, exact, handling.numbers(), space.solid))
+    wide = widths(polygon, exact, handling.numbers(), space.solid)
+    legs = np.hypot(*np.diff(polygon, axis=0).T)
+    shared = _on_circles(legs, led)
+    for leg in np.flatnonzero(shared).tolist():
+        wide[[leg, leg + 1]] = legs[leg]
+    return _clear(polygon, exact, space, wide, shared)
 
 
-def _clear(polygon: Array, exact: Flags, space: Space, wide: Array) -> Fit:
+def _on_circles(legs: Array, led: tuple[int, int]) -> Flags:
+    """Return which legs (n,) [m] of a polygon with leads are along their circles.
+
+    A short leg that joins two circles is one of them.
+    """
+    shared, last = np.zeros(len(legs), np.bool_), len(legs) - led[1]
+    shared[1 : led[0]] = shared[last : len(legs) - 1] = True
+    if min(led) > 1 and last == led[0] + 1:
+        shared[led[0]] = legs[led[0]] < 2.0 * min(legs[led[0] - 1], legs[last])
+    return shared
+
+
+def _clear(
+    polygon: Array, exact: Flags, space: Space, wide: Array, shared: Flags | None = None
+) -> Fit:
     """Round corners over half-widths (n,) [m], or narrower ones where the curve is not clear."""
     while True:
-        found = fit(polygon, exact, wide)
+        found = fit(polygon, exact, wide, shared)
         hit = space.obstructed(found.curve)
         if len(hit) == 0:
             return found
-        wide = _narrower(found, hit)
+        wide = _narrower(found, hit, shared)
 
 
-def _without_straight(
-    polygon: Array, exact: Flags, headed: tuple[bool, bool]
-) -> tuple[Array, Flags]:
+def _without_straight(polygon: Array, exact: Flags, led: tuple[int, int]) -> tuple[Array, Flags]:
     """Drop doubled vertices and those at which the way does not turn.
 
-    Exact vertices and the ends of headed legs stay, so that the next turn cannot extend past them.
+    Exact vertices and those of leads stay, so that the next turn cannot extend past them.
     """
     legs = np.diff(polygon, axis=0)
     keep = np.append(True, np.hypot(legs[:, 0], legs[:, 1]) >= STRAIGHT)
@@ -158,16 +179,16 @@ def _without_straight(
     cross = legs[:-1, 0] * legs[1:, 1] - legs[:-1, 1] * legs[1:, 0]
     turns = np.abs(np.arctan2(cross, np.einsum("ij,ij->i", legs[:-1], legs[1:])))
     keep = exact | np.concatenate(([True], turns > STRAIGHT, [True]))
-    keep[1] |= headed[0]
-    keep[-2] |= headed[1]
+    keep[1 : 1 + led[0]] = True
+    keep[len(keep) - 1 - led[1] : -1] = True
     return polygon[keep], exact[keep]
 
 
-def _narrower(found: Fit, hit: Array) -> Array:
+def _narrower(found: Fit, hit: Array, shared: Flags | None) -> Array:
     """Narrow the corners nearest to the parameters at which the curve is not clear.
 
     Exact vertices at the ends of a leg that is not clear are narrowed as well, because moving them
-    outwards has moved the leg.
+    outwards has moved the leg.  Raises PlanError if none can be narrowed, as on a circle.
     """
     wide = found.widths.copy()
     corners = np.flatnonzero(wide > 0.0)
@@ -176,8 +197,12 @@ def _narrower(found: Fit, hit: Array) -> Array:
     nearest = corners[np.unique(np.argmin(np.abs(found.at[corners, None] - hit), axis=0))]
     ends = np.clip(np.searchsorted(found.at, hit)[:, None] - (1, 0), 0, len(wide) - 1).ravel()
     nearest = np.union1d(nearest, ends[found.exact[ends] & (wide[ends] > 0.0)])
-    if np.all(wide[nearest] <= NARROWEST):
+    is_fixed = wide[nearest] <= NARROWEST
+    if shared is not None:
+        is_fixed |= np.append(shared, False)[nearest] | np.append(False, shared)[nearest]
+    if np.all(is_fixed):
         raise _blocked(found.curve, hit)
+    nearest = nearest[~is_fixed]
     wide[nearest] = np.maximum(_SHRINK * wide[nearest], np.minimum(NARROWEST, wide[nearest]))
     return wide
 

@@ -3,7 +3,9 @@
 The curve is the variation-diminishing spline (Schoenberg) of the polygon, taken as a piecewise
 linear function of the parameter: control points are the polygon at the Greville abscissae.  With
 the knots a - d, a, a + d around a vertex at parameter a, the second derivative is a hat over that
-stretch and zero elsewhere: straight where the polygon is straight, C2 everywhere.
+stretch and zero elsewhere: straight where the polygon is straight, C2 everywhere.  Vertices on a
+circle of radius r, one leg apart, turning by t each, may share their knots: their hats add up, and
+the curve bends evenly, with a radius of r cos(t / 2)^2 or more.
 
 Decides: knots and control points.  Must not know: what is clear, and how widths are chosen.
 """
@@ -50,23 +52,34 @@ class Fit:
     curve: Nurbs
 
 
-def fit(vertices: Array, exact: Flags, widths: Array) -> Fit:
-    """Return the curve along a polygon (n, 2) [m]; its parameter is the polygon's arc length."""
+def fit(vertices: Array, exact: Flags, widths: Array, shared: Flags | None = None) -> Fit:
+    """Return the curve along a polygon (n, 2) [m]; its parameter is the polygon's arc length.
+
+    shared (n - 1,): legs along a circle, whose ends share their knots; no leg by default.
+    """
     bent, at = vertices, lengths_along(vertices)
     for _ in range(_ROUNDS if exact[1:-1].any() else 0):
         further = bent_out(vertices, bent, exact, at, widths)
         if np.array_equal(further, bent):
             break
         bent, at = further, lengths_along(further)
-    return fit_at(vertices, bent, exact, at, widths)
+    return fit_at(vertices, bent, exact, at, widths, shared)
 
 
-def fit_at(vertices: Array, bent: Array, exact: Flags, at: Array, widths: Array) -> Fit:
+def fit_at(
+    vertices: Array,
+    bent: Array,
+    exact: Flags,
+    at: Array,
+    widths: Array,
+    shared: Flags | None = None,
+) -> Fit:
     """Return the curve along a polygon `bent` (n, 2) whose vertices have given parameters (n,)."""
-    widths = _apart(at, widths)
-    turns = np.flatnonzero(np.hypot(*_jumps(bent, at).T) > STRAIGHT)
-    center, width = at[turns], widths[turns]
-    inner = np.sort(np.concatenate((center - width, center, center + width)))
+    widths = _apart(at, widths, shared)
+    turns = np.hypot(*_jumps(bent, at).T) > STRAIGHT
+    joins = np.zeros(len(at) - 1, np.bool_) if shared is None else shared & turns[:-1] & turns[1:]
+    begins, ends = turns & ~np.append(False, joins), turns & ~np.append(joins, False)
+    inner = np.sort(np.concatenate(((at - widths)[begins], at[turns], (at + widths)[ends])))
     step = float(np.spacing(np.float32(np.abs(bent).max())))
     inner = _spread(inner, at, max(_APART, _STEPS_APART * step))
     knots = np.concatenate((np.full(4, at[0]), inner, np.full(4, at[-1])))
@@ -132,12 +145,14 @@ def _jumps(vertices: Array, at: Array) -> Array:
     return jumps
 
 
-def _apart(at: Array, widths: Array) -> Array:
+def _apart(at: Array, widths: Array, shared: Flags | None = None) -> Array:
     """Return widths that fit: neighbours share a leg, the first and last keep off the ends."""
     legs = np.diff(at)
     kept = widths.copy()
     both = kept[:-1] + kept[1:]
     share = np.minimum(legs / np.maximum(both, 1e-12), 1.0)
+    if shared is not None:
+        share[shared] = 1.0
     kept[:-1] = np.minimum(kept[:-1], widths[:-1] * share)
     kept[1:] = np.minimum(kept[1:], widths[1:] * share)
     return kept
