@@ -24,11 +24,12 @@ from coordinator.ground.enclosure import NoWayError, explain
 from coordinator.ground.free_space import DISC_TOLERANCE, NO_DISCS, Space
 from coordinator.ground.grown_floor import GrownFloor
 from coordinator.motion.cornering import Handling
+from coordinator.paths.dubins import turning_ways
 from coordinator.paths.end_heading_choice import COMFORTABLE, Leads, choices
 from coordinator.paths.end_headings import check_headings
 from coordinator.paths.given_path import given_curve
 from coordinator.paths.smoothing import least_radius, smooth
-from coordinator.paths.spline_fit import Fit, Flags
+from coordinator.paths.spline_fit import Fit, Flags, lengths_along
 from coordinator.paths.stub import stub
 from coordinator.scenario.model import Point, Robot, Scenario
 
@@ -50,6 +51,9 @@ _MOST_TIGHT: Final = 8
 
 _MOST_TRIED: Final = 24
 """How many pairs of leads are tried: if none of these fits, there is no room."""
+
+_TURNS: Final = (1.0, 1.1, 1.3)
+"""Radii of turns that are tried, per metre of min_turn_radius: short arcs need some in reserve."""
 
 _PLACE_ROOM: Final = 0.015
 """Paths pass other robots' starts and goals this much farther off [m] than needed.  A conflict zone
@@ -237,6 +241,8 @@ class Pathfinder:
         handling = self.handling(robot)
         worst: PlanError | None = None
         made: list[tuple[float, float, Fit]] = []
+        if lead is None and robot.min_turn_radius > 0.0 and all(_headed(robot)) and not robot.via:
+            made += _turning(robot, space, handling)
         for ends in choices(robot, space, handling)[:_MOST_TRIED]:
             if lead is not None:
                 ends = [np.array(lead)], ends[1]
@@ -253,8 +259,7 @@ class Pathfinder:
                 continue
             if not any(_headed(robot)):
                 return found
-            tight = max(COMFORTABLE * robot.radius - least_radius(found), 0.0)
-            made.append((tight, handling.least_time(found.curve), found))
+            made.append(_judged(robot, found, handling))
             if len(made) >= (_ENOUGH if any(one[0] == 0.0 for one in made) else _MOST_TIGHT):
                 break
         if made:
@@ -349,6 +354,27 @@ def _named(robot: Robot) -> Iterator[None]:
         yield
     except PlanError as error:
         raise error.about(robot.id) from None
+
+
+def _turning(robot: Robot, space: Space, handling: Handling) -> list[tuple[float, float, Fit]]:
+    """Return the shortest clear path from heading to heading around nothing, if there is one."""
+    radii = [share * robot.min_turn_radius for share in _TURNS]
+    ways = [way for radius in radii for way in turning_ways(robot.start, robot.goal, radius)]
+    for polygon in sorted(ways, key=lambda way: float(lengths_along(way)[-1])):
+        if space.keeping(polygon[:-1], polygon[1:]).all():
+            exact = np.zeros(len(polygon), np.bool_)
+            exact[[0, -1]] = True
+            with suppress(PlanError):
+                found = smooth(polygon, exact, space, handling, (len(polygon) - 2, 0))
+                check_headings(robot, found.curve)
+                return [_judged(robot, found, handling)]
+    return []
+
+
+def _judged(robot: Robot, found: Fit, handling: Handling) -> tuple[float, float, Fit]:
+    """Return how much too tight [m] a path's turns are, how long [s] it takes, and the path."""
+    tight = max(COMFORTABLE * robot.radius - least_radius(found), 0.0)
+    return tight, handling.least_time(found.curve), found
 
 
 def _anchors(robot: Robot) -> Array:

@@ -37,6 +37,8 @@ _SHARE: Final = 0.45
 """The greatest share of a leg over which `smooth_near` rounds the corner at its end."""
 _ALONG: Final = 1e-5
 """A way that turns by less than twice this [rad] at a vertex is straight there."""
+_NEAR_END: Final = 1.5
+"""A circle whose first knot would be nearer to an end than half a leg begins at the end."""
 _SPENT_PER_CORNER: Final = (0.02, 0.1, 0.5, 2.0)
 """How much longer [m] a way may become for one corner less, tried in turn, if it has too many."""
 
@@ -134,23 +136,27 @@ def _rounded(
 ) -> Fit:
     """Round the corners of a polygon, less widely where the curve is not proven clear otherwise."""
     wide = widths(polygon, exact, handling.numbers(), space.solid)
-    legs = np.hypot(*np.diff(polygon, axis=0).T)
-    shared = _on_circles(legs, led)
-    for leg in np.flatnonzero(shared).tolist():
-        wide[[leg, leg + 1]] = legs[leg]
-    return _clear(polygon, exact, space, wide, shared)
+    shared, circles = _on_circles(np.hypot(*np.diff(polygon, axis=0).T), led)
+    return _clear(polygon, exact, space, np.where(circles > 0.0, circles, wide), shared)
 
 
-def _on_circles(legs: Array, led: tuple[int, int]) -> Flags:
-    """Return which legs (n,) [m] of a polygon with leads are along their circles.
+def _on_circles(legs: Array, led: tuple[int, int]) -> tuple[Flags, Array]:
+    """Return which legs (n,) [m] of a polygon with leads are along circles.
 
-    A short leg that joins two circles is one of them.
+    Beside them, the half-widths (n + 1,) [m] of the vertices on circles, 0 for others.
     """
-    shared, last = np.zeros(len(legs), np.bool_), len(legs) - led[1]
-    shared[1 : led[0]] = shared[last : len(legs) - 1] = True
-    if min(led) > 1 and last == led[0] + 1:
-        shared[led[0]] = legs[led[0]] < 2.0 * min(legs[led[0] - 1], legs[last])
-    return shared
+    is_led = np.zeros(len(legs) + 1, np.bool_)
+    is_led[1 : 1 + led[0] * (led[0] > 1)] = True
+    is_led[len(legs) - led[1] * (led[1] > 1) : -1] = True
+    inside = is_led[:-1] & is_led[1:]
+    sizes = np.where(inside, legs, math.inf)
+    wide = np.minimum(np.append(math.inf, sizes), np.append(sizes, math.inf))
+    wide[np.isinf(wide)] = 0.0
+    shared = inside & (legs < wide[:-1] + wide[1:])
+    for end, beside in ((0, 1), (-1, -2)):  # No knot is so near an end that float32 would tell.
+        if shared[beside : beside + 1].any() and legs[end] < _NEAR_END * wide[beside]:
+            wide[beside] = legs[end]
+    return shared, wide
 
 
 def _clear(
