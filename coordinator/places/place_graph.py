@@ -146,7 +146,7 @@ def place_graph(
         _space(floor, radius + margin, float(slack[of_free == k].min()))
         for k, radius in enumerate(kinds.tolist())
     ]
-    net = _shared(places, spaces, floor, float(kinds[-1]), margin, density) if free else _EMPTY
+    net = _shared(places, spaces, floor, kinds.tolist(), margin, density) if free else _EMPTY
     for index, parts in own_ways.items():
         number[index] = len(net.places) + np.array((0, len(parts)))
         net = net.with_own(index, parts)
@@ -188,17 +188,28 @@ def _shared(
     ends: Array,
     spaces: list[Space],
     floor: GrownFloor,
-    radius: float,
+    radii: Sequence[float],
     margin: float,
     density: float,
 ) -> _Net:
-    """Return the net of robots that may drive anywhere, of at most this `radius` [m]."""
-    spacing = 2.0 * radius + margin + 2.0 * ROOM
-    between = _spread(floor, radius + margin + _TOUCH, spacing / density)
+    """Return the net of robots that may drive anywhere, of these radii [m], the least first.
+
+    There are places for the largest robots, and between them for the smallest.
+    """
+    between = np.empty((0, 2))
+    for radius in dict.fromkeys((radii[-1], radii[0])):
+        apart = _spacing(radius, margin) / density
+        more = _spread(floor, radius + margin + _TOUCH, apart, between)
+        between = np.concatenate((between, more))
     places = np.concatenate((ends, between))
     spare = np.where(np.arange(len(places)) < len(ends), ROOM, _LESS_AT_ENDS)
-    pairs, ways = _connected(places, spaces, spacing)
+    pairs, ways = _connected(places, spaces, _spacing(radii[-1], margin))
     return _Net(places, spare, pairs, ways, np.full(len(ways), -1))
+
+
+def _spacing(radius: float, margin: float) -> float:
+    """Return how far apart [m] two robots of a radius keep at rest."""
+    return 2.0 * radius + margin + 2.0 * ROOM
 
 
 def _space(floor: GrownFloor, reach: float, spare: float) -> Space:
@@ -211,16 +222,19 @@ def _space(floor: GrownFloor, reach: float, spare: float) -> Space:
     return Space(floor.ground(reach + _TOUCH), reach + 0.5 * touch - _FLUSH, 0.4 * touch)
 
 
-def _spread(floor: GrownFloor, reach: float, spacing: float) -> Array:
+def _spread(floor: GrownFloor, reach: float, spacing: float, taken: Array) -> Array:
     """Return places (n, 2) [m] at least `spacing` apart, those that close least of the floor first.
 
-    What a disc closes is measured by how much free floor there is within `spacing` of its centre.
+    taken (k, 2) [m]: other places, from which they are as far apart.  What a disc closes is
+    measured by how much free floor there is within `spacing` of its centre.
     """
     x0, y0, x1, y1 = floor.outline.bounds
     pitch = max(spacing / _PER_NEED, math.sqrt((x1 - x0) * (y1 - y0) / _MOST_POINTS))
     xs, ys = np.arange(x0, x1, pitch), np.arange(y0, y1, pitch)
     points = np.stack(np.meshgrid(xs, ys), axis=-1)
     free = (floor.distance(points.reshape(-1, 2)) > reach).reshape(points.shape[:2])
+    if len(taken):
+        free &= KDTree(taken).query(points)[0] >= spacing
     around = int(spacing / pitch) + 1
     offsets = pitch * np.arange(-around, around + 1)
     disc = np.hypot(*np.meshgrid(offsets, offsets)) < spacing

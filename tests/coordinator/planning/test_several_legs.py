@@ -43,6 +43,32 @@ def test_three_robots_exchange_their_places_at_a_junction():
     assert complaints(to_json(plan), scenario) == []
 
 
+@pytest.mark.parametrize("idle", [False, True])
+def test_a_small_robot_makes_room_where_a_wide_one_on_the_floor_has_none(idle):
+    """A lane with a side pocket: W passes the small one there, or is idle beside a narrower one."""
+    lane = ((0, 0), (8, 0), (8, 1), (4.25, 1), (4.25, 1.6), (3.75, 1.6), (3.75, 1), (0, 1))
+    fields = {"max_speed": 0.5, "max_accel": 0.5, "max_lateral_accel": 0.5}
+    wide = replace(robot("W", (0.7, 0.5), (7.3, 0.5)), radius=0.4, **fields)
+    small = replace(robot("N", (7.3, 0.5), (0.7, 0.5)), radius=0.15, **fields)
+    robots = [wide, small]
+    if idle:
+        lane = (
+            *((0, 0), (2, 0), (2, 1.3), (5, 1.3), (5, 0), (7, 0), (7, 3), (5, 3), (5, 1.7)),
+            *((3.7, 1.7), (3.7, 2.3), (3.3, 2.3), (3.3, 1.7), (2, 1.7), (2, 3), (0, 3)),
+        )
+        fields["radius"] = 0.1
+        robots = [
+            replace(wide, start=(0.6, 0.6), goal=(0.6, 0.6)),
+            replace(robot("M", (2.6, 1.5), (4.4, 1.5)), **fields),
+            replace(robot("N", (4.4, 1.5), (2.6, 1.5)), **fields),
+        ]
+    workspace = Workspace(boundary=tuple((float(x), float(y)) for x, y in lane))
+    scenario = Scenario(name="lane", workspace=workspace, robots=tuple(robots), margin=0.05)
+    plan = plan_scenario(scenario)
+    assert plan.proof.holds
+    assert complaints(to_json(plan), scenario) == []
+
+
 def test_a_robot_that_rests_for_others_goes_on_when_they_have_passed():
     """R0 has to set out before R4 comes, and not before R1 has: no other time is left."""
     hall = ((0, 0), (3, 0), (3, 1.2), (7, 1.2), (7, 1.8), (3, 1.8), (3, 3), (0, 3))
