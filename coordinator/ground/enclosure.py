@@ -6,6 +6,7 @@ Decides: the wording.  Must not know: how ways are found.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -82,7 +83,7 @@ def explain(
         f"has no way from ({start[0]:.2f}, {start[1]:.2f}) to ({goal[0]:.2f}, {goal[1]:.2f}) for "
         f"radius {robot.radius:.6g} m + margin {margin:.6g} m: {by}",
         (float(goal[0]), float(goal[1])),
-        _largest_radius(error, floor, robot.radius, margin),
+        _largest_radius(error, floor, robot, margin),
         _what_is_at(robot, closed),
     )
 
@@ -116,23 +117,29 @@ def _names_near(
 
 
 def _largest_radius(
-    error: NoWayError, floor: GrownFloor, radius: float, margin: float
+    error: NoWayError, floor: GrownFloor, robot: Robot, margin: float
 ) -> float | None:
-    """Return the largest radius [m] for which a way is found, in whole millimetres.
+    """Return the largest radius [m] with which a robot has a way, in whole millimetres.
 
     0 if there is none; None if only other starts or goals could help.
     """
-    ground, ends = error.space.ground, (error.start, error.goal)
+    ground, radius = error.space.ground, robot.radius
+    places = np.array([robot.start[:2], *robot.via, robot.goal[:2]])
     # Graphs are seldom needed, and importing them takes as long as planning a small fleet.
     from coordinator.ground.widest_passage import widest_reach
 
-    widest = widest_reach(ground.rings, *ends, ground.reach)
-    if widest is None:
-        return None
+    widest = math.inf
+    for ends in pairwise(places):
+        reach = widest_reach(ground.rings, *ends, ground.reach)
+        if reach is not None:
+            widest = min(widest, reach)
+        elif np.array_equal(ends, (error.start, error.goal)):
+            return None
     for share in (1.0, math.cos(0.5 * TURN_STEP)):
         fits = math.floor(1e3 * (min(share * widest - margin, radius - _LEAST) + 1e-9)) / 1e3
         if fits < _LEAST:
             break
-        if floor.fresh_ground(fits + margin).shortest_way(*ends, NO_DISCS) is not None:
+        fresh = floor.fresh_ground(fits + margin)
+        if all(fresh.shortest_way(*ends, NO_DISCS) is not None for ends in pairwise(places)):
             return fits
     return 0.0

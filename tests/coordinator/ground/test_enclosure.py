@@ -96,6 +96,16 @@ def test_the_radius_that_would_pass_does_pass_and_one_a_little_larger_does_not(d
     assert Pathfinder(again).path(0).length > 6.0
 
 
+@pytest.mark.parametrize("doors", [(0.4, 0.3), (0.3, 0.4)])
+def test_the_radius_that_would_pass_does_so_on_the_whole_way(doors):
+    walls = [
+        box(*ends) for y, door in zip((2, 5), doors, strict=True)
+        for ends in ((0, y, 5, y + 1), (5 + door, y, 10, y + 1))
+    ]  # fmt: skip
+    text = refusal([a_robot("A", (5.1, 1.0), (5.1, 7.0), radius=0.3, via=((5.1, 4.0),))], walls)
+    assert text.endswith("a radius of 0.130 m would pass")
+
+
 def test_where_no_radius_passes_another_goal_is_advised():
     text = refusal([a_robot("A", (1.0, 4.0), (7.0, 4.0))], YARD)
     assert "another goal or fewer obstacles would help" in text
