@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -25,26 +25,20 @@ _RESERVE: Final = 1.03 / math.cos(0.5 * STEP)
 """Radius of arcs, per metre of the radius of turns; 3 % in reserve."""
 
 
-class _Word(NamedTuple):
-    """A way: its length [m], and its parts in turn: side (1 left, -1 right, 0 straight), size.
-
-    Sizes of arcs are in rad, those of straight pieces in m.
-    """
-
-    length: float
-    parts: tuple[tuple[int, float], ...]
+_Parts = tuple[tuple[int, float], ...]
+"""Parts of a way in turn: side (1 left, -1 right, 0 straight), and size: of an arc [rad], of a
+straight piece [m]."""
 
 
 def turning_ways(start: Sequence[float], goal: Sequence[float], radius: float) -> list[Array]:
-    """Return polygons (n, 2) [m] from pose to pose with turns of a radius [m], the shortest first.
+    """Return polygons (n, 2) [m] from pose to pose with turns of a radius [m], in any order.
 
     Poses: x, y [m], heading [rad].
     """
     wide = _RESERVE * radius
     lead = wide * math.tan(0.5 * STEP)
     begin, end = _moved(start, lead), _moved(goal, -lead)
-    words = sorted(_words(begin, end, wide), key=lambda word: word.length)
-    return [_polygon(start, begin, goal, word.parts, wide) for word in words]
+    return [_polygon(start, begin, goal, parts, wide) for parts in _ways(begin, end, wide)]
 
 
 def _moved(pose: Sequence[float], size: float) -> tuple[float, float, float]:
@@ -52,7 +46,8 @@ def _moved(pose: Sequence[float], size: float) -> tuple[float, float, float]:
     return x + size * math.cos(heading), y + size * math.sin(heading), heading
 
 
-def _words(start: Sequence[float], goal: Sequence[float], radius: float) -> Iterator[_Word]:
+def _ways(start: Sequence[float], goal: Sequence[float], radius: float) -> Iterator[_Parts]:
+    """Yield the ways of all kinds that there are, with a straight piece and without."""
     for first in (1, -1):
         for last in (1, -1):
             (ax, ay), (bx, by) = _center(start, first * radius), _center(goal, last * radius)
@@ -62,21 +57,18 @@ def _words(start: Sequence[float], goal: Sequence[float], radius: float) -> Iter
                 size = math.sqrt(apart * apart - across * across)
                 heading = ahead + math.atan2(across, size)
                 arcs = _turn(first, start[2], heading), _turn(last, heading, goal[2])
-                parts = (first, arcs[0]), (0, size), (last, arcs[1])
-                yield _Word(size + radius * sum(arcs), parts)
+                yield (first, arcs[0]), (0, size), (last, arcs[1])
             if first == last and apart <= 4.0 * radius:
                 for side in (1, -1):
                     to = ahead + side * math.acos(0.25 * apart / radius)
                     mx, my = ax + 2.0 * radius * math.cos(to), ay + 2.0 * radius * math.sin(to)
                     one = to + first * 0.5 * math.pi
                     two = math.atan2(by - my, bx - mx) - first * 0.5 * math.pi
-                    turns = (
-                        _turn(first, start[2], one),
-                        _turn(-first, one, two),
-                        _turn(first, two, goal[2]),
+                    yield (
+                        (first, _turn(first, start[2], one)),
+                        (-first, _turn(-first, one, two)),
+                        (first, _turn(first, two, goal[2])),
                     )
-                    sides = (first, -first, first)
-                    yield _Word(radius * sum(turns), tuple(zip(sides, turns, strict=True)))
 
 
 def _center(pose: Sequence[float], radius: float) -> tuple[float, float]:
@@ -94,7 +86,7 @@ def _polygon(
     start: Sequence[float],
     pose: tuple[float, float, float],
     goal: Sequence[float],
-    parts: Sequence[tuple[int, float]],
+    parts: _Parts,
     radius: float,
 ) -> Array:
     vertices = [(start[0], start[1])]
