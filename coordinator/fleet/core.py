@@ -32,6 +32,7 @@ from coordinator.fleet.phases import (
     FREEZE_PATIENCE,
     GO_LEAD,
     HELD_PATIENCE,
+    LINKS_PATIENCE,
     LONGEST_EPOCH,
     RESUME_PATIENCE,
     RETURN_PATIENCE,
@@ -121,7 +122,7 @@ class Fleet(OperatedFleet):
         if self.superseded:
             return []
         passed_ns, was_away = now_ns - self._looked_ns, self._was_away(now_ns)
-        if self._has_yet_to_speak:
+        if self._has_yet_to_speak or self._has_yet_to_hear(now_ns):
             self._begin_again(now_ns)
         elif passed_ns > AWAY or self._router.is_down:
             patience = RETURN_PATIENCE if was_away else 0
@@ -163,7 +164,7 @@ class Fleet(OperatedFleet):
         """Go on for a coordinator that died and was last known alive at `last_ns`.
 
         Robots are where their last authorities let them stop.  The plan goes on where it was, and
-        the robots get RESUME_PATIENCE to be heard again.
+        the robots get RESUME_PATIENCE to be heard again, from when the first of them is heard.
         """
         self.boot, self._sequence, self.term = boot, 0, self.term + 1
         self.superseded, self._router, self.is_resumed = False, RouterLink(), True
@@ -180,11 +181,6 @@ class Fleet(OperatedFleet):
         self._looked_ns = now_ns
         self._begin_again(now_ns)
         self._tell_phase(now_ns, f"resumed from a log: {COMMAND_NAMES[self.phase]}")
-
-    def _begin_again(self, now_ns: int) -> None:
-        """Give robots RESUME_PATIENCE, from now on, to be heard again."""
-        self._patient_until_ns = now_ns + RESUME_PATIENCE
-        self._excuse(self._patient_until_ns, RESUME_PATIENCE)
 
     def leave_floor(self, now_ns: int) -> None:
         """Freeze the fleet, because its floor has changed: it goes on with a new plan."""
@@ -307,6 +303,17 @@ class Fleet(OperatedFleet):
     def _has_yet_to_speak(self) -> bool:
         """Whether it has taken over from another coordinator, and sent no Command since."""
         return self.is_resumed and self._sequence == 0
+
+    def _has_yet_to_hear(self, now_ns: int) -> bool:
+        """Whether it has taken over, and nobody's link may have been made since.
+
+        Robots that are all silent have not failed all at once: it waits LINKS_PATIENCE for one.
+        """
+        if not self.is_resumed or now_ns - self._changed_ns > LINKS_PATIENCE:
+            return False
+        since_ns = self._patient_until_ns - RESUME_PATIENCE
+        known = [one for one in self.members.planned if one.boot is not None]
+        return bool(known) and all(one.heard_ns < since_ns for one in known)
 
     def _hear_gone(self, robot: str, now_ns: int) -> list[Outgoing]:
         """Record that the link to a robot is gone; a robot under way is lost at once.

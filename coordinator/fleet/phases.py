@@ -32,6 +32,10 @@ ARM_PATIENCE: Final = 10 * SECOND
 RESUME_PATIENCE: Final = 5 * SECOND
 """How long robots have to be heard again after the coordinator resumed or the router came back."""
 
+LINKS_PATIENCE: Final = 60 * SECOND
+"""How long a coordinator that resumed and hears nobody at all waits for the first robot: on a slow
+machine, links take long to be made."""
+
 RETURN_PATIENCE: Final = 2 * SECOND
 """How long robots have to be heard again after the coordinator was away for over REPORT_TIMEOUT."""
 

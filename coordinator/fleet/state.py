@@ -239,10 +239,16 @@ class FleetState:
             return
         self._tell(now_ns, "router", "", f"the router is {'back' if up else 'gone'}")
         if up:
-            self._patient_until_ns = now_ns + RESUME_PATIENCE
             for member in self.members.planned:
                 member.lost = member.gone = False
-            self._excuse(self._patient_until_ns, RESUME_PATIENCE)
+            self._begin_again(now_ns)
+
+    def _begin_again(self, now_ns: int) -> None:
+        """Give robots RESUME_PATIENCE, from now on, to be heard again."""
+        until_ns = now_ns + RESUME_PATIENCE
+        lost_ns = until_ns - max(self._patient_until_ns, now_ns)
+        self._patient_until_ns = until_ns
+        self._excuse(until_ns, lost_ns)
 
     def _excuse(self, until_ns: int, lost_ns: int = 0, before_ns: int | None = None) -> None:
         """Take in that robots could not be heard: silence counts only from then on.

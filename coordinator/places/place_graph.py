@@ -38,6 +38,9 @@ _TOUCH: Final = 0.0005
 _FLUSH: Final = 2e-6
 """What float32 may change [m] where a robot stands exactly as near to walls as is allowed."""
 
+_SAME_PLACE: Final = 6
+"""Starts and goals with the same so many decimals [m] are one place, as on a circle of robots."""
+
 _PER_NEED: Final = 8.0
 _MOST_POINTS: Final = 250_000
 """The candidates for places lie on a square grid, this many per need, or fewer on large floors."""
@@ -137,8 +140,11 @@ def place_graph(
     robots, margin, sizes = scenario.robots, scenario.margin, np.round(radii, 6)
     free = [index for index in range(len(robots)) if index not in own_ways]
     kinds, of_free = np.unique(sizes[free], return_inverse=True)
-    ends = [place[:2] for k in free for place in (robots[k].start, robots[k].goal)]
-    places, whose = np.unique(np.reshape(ends, (-1, 2)), axis=0, return_inverse=True)
+    ends = np.array([p[:2] for k in free for p in (robots[k].start, robots[k].goal)]).reshape(-1, 2)
+    _, first, whose = np.unique(
+        np.round(ends, _SAME_PLACE), axis=0, return_index=True, return_inverse=True
+    )
+    places = ends[first]
     number = np.empty((len(robots), 2), np.int64)
     number[free] = whose.reshape(-1, 2)
     slack = (floor.distance(places)[number[free]] - kinds[of_free, None] - margin).min(axis=1)

@@ -6,7 +6,13 @@ import pytest
 
 from coordinator.fleet.log_records import LINK_GONE, LINK_UP
 from coordinator.fleet.member import STRIKES, Member
-from coordinator.fleet.phases import ARM_PATIENCE, RESUME_PATIENCE, RETURN_PATIENCE
+from coordinator.fleet.phases import (
+    ARM_PATIENCE,
+    LINKS_PATIENCE,
+    RESUME_PATIENCE,
+    RETURN_PATIENCE,
+    SILENT_PATIENCE,
+)
 from protocol import keys
 from protocol.codec import decode, encode
 from protocol.messages import Command, Plan, Report, Rest
@@ -323,11 +329,19 @@ def test_a_robot_armed_with_the_plan_of_another_epoch_does_not_let_the_fleet_set
     assert floor.commands[-1].phase == GO
 
 
-def test_robots_have_time_to_be_heard_by_a_coordinator_that_took_over():
+def taken_over():
+    """Return a floor whose coordinator died while all drove, and another took over 20 s later."""
     floor = Floor().go()
     heard_ns = floor.now
     floor.now += 20 * SECOND
     floor.fleet.take_over(78, heard_ns, floor.now)
+    return floor
+
+
+def test_robots_have_time_to_be_heard_by_a_coordinator_that_took_over():
+    floor = taken_over()
+    floor.tick()
+    floor.report("R1", MOVING)
     until = floor.now + RESUME_PATIENCE + REPORT_TIMEOUT
     while floor.now < until - COMMAND_PERIOD:
         floor.tick()
@@ -335,6 +349,28 @@ def test_robots_have_time_to_be_heard_by_a_coordinator_that_took_over():
     while floor.now < until + 2 * COMMAND_PERIOD:
         floor.tick()
     assert all(member.lost for member in floor.fleet.members.values())
+
+
+def test_a_coordinator_that_took_over_and_hears_nobody_waits_for_links_and_then_ends():
+    floor = taken_over()
+    begun, ends = floor.now, LINKS_PATIENCE + RESUME_PATIENCE + REPORT_TIMEOUT + SILENT_PATIENCE
+    while floor.fleet.phase == GO:
+        floor.tick()
+    assert abs(floor.now - begun - ends) <= 2 * COMMAND_PERIOD
+
+
+def test_links_that_are_made_long_after_a_coordinator_took_over_let_the_fleet_go_on():
+    floor = taken_over()
+    for _ in range(30 * SECOND // COMMAND_PERIOD):
+        floor.tick()
+    for _ in range(20):
+        floor.everybody(MOVING)
+        floor.tick()
+    for name in NAMES:
+        floor.report(name, DONE)
+    floor.tick()
+    assert floor.fleet.phase == OVER
+    assert all(member.finished and not member.lost for member in floor.fleet.members.values())
 
 
 def test_a_coordinator_that_takes_over_a_frozen_fleet_gives_nobody_up_at_once():

@@ -90,7 +90,7 @@ def test_a_robot_may_stand_as_near_to_a_wall_as_the_scenario_check_allows():
 def test_a_turn_that_does_not_fit_is_told_with_the_best_radius_found():
     robot = a_robot("A", (5, 10, 0.0), (5, 12, 3.14159), min_turn_radius=2.0)
     with pytest.raises(PlanError, match=r"best turn found .* radius of 0\.\d+ m"):
-        plan_scenario(a_scenario([robot], size=(9, 16)))
+        plan_scenario(a_scenario([robot], size=(7, 16)))
 
 
 def test_where_there_is_room_a_robot_goes_around_circles_to_turn_as_wide_as_it_must():
