@@ -20,9 +20,9 @@ from coordinator.places.early_move_kernels import (
     clear_after,
     count_windows,
     enter,
-    improve,
     timed,
 )
+from coordinator.places.early_neighbourhood_kernels import improve
 from coordinator.places.move_kernels import Array, Indices, costs_to
 from coordinator.places.place_graph import Graph
 

@@ -16,8 +16,9 @@ from coordinator.scenario.model import Robot
 from protocol.key_files import KeyFiles, read_key_files
 
 _COMMAND: Final = (sys.executable, "-m", "splinefleet")
-_GIVE_UP_S: Final = 30.0
-"""A robot ends when it has heard no coordinator for this long [s], even if this program is gone."""
+_GIVE_UP_S: Final = 300.0
+"""A robot ends when it has heard no coordinator for this long [s], even if this program is gone.
+On a busy machine a coordinator that is started again takes a minute to be heard."""
 
 
 class Programs:
