@@ -19,7 +19,7 @@ How = Literal["either order", "no order", "among others", "ring"]
 """Two robots block each other in either order; no order was found for two robots, alone or only
 among the others; or robots block each other in a ring."""
 
-_WIDER: Final = "A wider passage, a via point or another goal"
+_FEWER: Final = "A wider passage, a smaller margin or fewer robots"
 _OTHER_PATH: Final = "Another path for one of them"
 
 _NAMED: Final = 3
@@ -48,10 +48,7 @@ class BlockedError(PlanError):
     ) -> None:
         blames = places[-1].on_way_of if places else robots[-1]
         where = (places[-1].x, places[-1].y) if places else None
-        helps = _OTHER_PATH if is_given else _WIDER
-        idle = next((one.robot for one in places if one.end == "place"), None)
-        if idle is not None and len(robots) == 2:
-            helps = f"Another place for {idle}, which has no goal, or a wider passage"
+        helps = _OTHER_PATH if is_given else _helps(places)
         said = _said(robots, how, places)
         if how in ("either order", "ring") and not is_given:
             said = f"on the ways that were found, {said}"
@@ -118,6 +115,21 @@ def _error(
     robots = [scenario.robots[index] for index in indices]
     is_given = all(robot.path is not None for robot in robots)
     return BlockedError([robot.id for robot in robots], how, places, is_given)
+
+
+def _helps(places: Sequence[PlaceOnWay]) -> str:
+    """Return what would help: to free the way of the robot that is blamed, or an idle one's place.
+
+    A robot without a goal can stand elsewhere; where no place is on a way, all is too narrow.
+    """
+    if not places:
+        return _FEWER
+    idle = next((one.robot for one in places if one.end == "place"), None)
+    if idle is not None:
+        return f"Another place for {idle}, which has no goal, or a wider passage"
+    last = places[-1]
+    other = f"another {last.end} for {last.robot}"
+    return f"A wider passage, {other} or a via point for {last.on_way_of}"
 
 
 def _said(robots: Sequence[str], how: How, places: Sequence[PlaceOnWay]) -> str:
