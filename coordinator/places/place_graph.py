@@ -200,13 +200,13 @@ def _shared(
 ) -> _Net:
     """Return the net of robots that may drive anywhere, of these radii [m], the least first.
 
-    There are places for the largest robots, and between them for the smallest.
+    There are places for the largest robots, and for the smallest where the largest cannot be.
     """
-    between = np.empty((0, 2))
+    between, below = np.empty((0, 2)), math.inf
     for radius in dict.fromkeys((radii[-1], radii[0])):
-        apart = _spacing(radius, margin) / density
-        more = _spread(floor, radius + margin + _TOUCH, apart, between)
-        between = np.concatenate((between, more))
+        apart, reach = _spacing(radius, margin) / density, radius + margin + _TOUCH
+        between = np.concatenate((between, _spread(floor, (reach, below), apart, between)))
+        below = reach
     places = np.concatenate((ends, between))
     spare = np.where(np.arange(len(places)) < len(ends), ROOM, _LESS_AT_ENDS)
     pairs, ways = _connected(places, spaces, _spacing(radii[-1], margin))
@@ -228,17 +228,19 @@ def _space(floor: GrownFloor, reach: float, spare: float) -> Space:
     return Space(floor.ground(reach + _TOUCH), reach + 0.5 * touch - _FLUSH, 0.4 * touch)
 
 
-def _spread(floor: GrownFloor, reach: float, spacing: float, taken: Array) -> Array:
+def _spread(floor: GrownFloor, between: tuple[float, float], spacing: float, taken: Array) -> Array:
     """Return places (n, 2) [m] at least `spacing` apart, those that close least of the floor first.
 
-    taken (k, 2) [m]: other places, from which they are as far apart.  What a disc closes is
-    measured by how much free floor there is within `spacing` of its centre.
+    between [m]: how far they are, more and at most, from what is solid; taken (k, 2) [m]: other
+    places, from which they are as far apart.  What a disc closes is measured by how much free floor
+    there is within `spacing` of its centre.
     """
     x0, y0, x1, y1 = floor.outline.bounds
     pitch = max(spacing / _PER_NEED, math.sqrt((x1 - x0) * (y1 - y0) / _MOST_POINTS))
     xs, ys = np.arange(x0, x1, pitch), np.arange(y0, y1, pitch)
     points = np.stack(np.meshgrid(xs, ys), axis=-1)
-    free = (floor.distance(points.reshape(-1, 2)) > reach).reshape(points.shape[:2])
+    away = floor.distance(points.reshape(-1, 2)).reshape(points.shape[:2])
+    free = (away > between[0]) & (away <= between[1])
     if len(taken):
         free &= KDTree(taken).query(points)[0] >= spacing
     around = int(spacing / pitch) + 1
