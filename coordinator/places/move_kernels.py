@@ -560,14 +560,15 @@ def places_near(
     near, gaps = [0], [0.0]
     near.pop()
     gaps.pop()
+    along_x = np.argsort(places[:, 0], kind="mergesort")
+    xs = places[along_x, 0]
     for e in range(count):
         way = ways[ways_from[e] : ways_from[e + 1]]
         x0, x1 = way[:, 0].min() - reach, way[:, 0].max() + reach
         y0, y1 = way[:, 1].min() - reach, way[:, 1].max() + reach
-        for v in range(len(places)):
+        around = along_x[np.searchsorted(xs, x0) : np.searchsorted(xs, x1, side="right")]
+        for v in np.sort(around[(places[around, 1] >= y0) & (places[around, 1] <= y1)]):
             x, y = places[v, 0], places[v, 1]
-            if x < x0 or x > x1 or y < y0 or y > y1:
-                continue
             gap = math.inf
             for k in range(len(way) - 1):
                 leg = point_gap(x, y, way[k, 0], way[k, 1], way[k + 1, 0], way[k + 1, 1])

@@ -97,6 +97,17 @@ class _Net:
             np.append(self.owner, np.full(2 * len(parts), robot)),
         )
 
+    def legs(self) -> tuple[Array, Array, Indices]:
+        """Return all ways' straight legs, from (k, 2) [m] and to (k, 2) [m].
+
+        Beside them, the number of each way's first leg (edges,).
+        """
+        sizes = np.array([len(way) for way in self.ways])
+        flat, inside = np.concatenate(self.ways), np.ones(int(sizes.sum()) - 1, np.bool_)
+        inside[np.cumsum(sizes)[:-1] - 1] = False
+        first = np.cumsum(sizes - 1) - (sizes - 1)
+        return flat[:-1][inside], flat[1:][inside], first
+
     def edges(self, reach: float) -> tuple[Edges, _Net]:
         """Return the edges with the places within `reach` [m] of each, and the net in their order.
 
@@ -107,11 +118,12 @@ class _Net:
         net = _Net(self.places, self.spare, self.pairs[order], ways, self.owner[order])
         origin, to = net.pairs.T.copy()
         flat, begins = np.concatenate(ways), np.cumsum([0, *map(len, ways)])
-        legs = np.array([float(np.hypot(*np.diff(way, axis=0).T).sum()) for way in ways])
+        from_place, to_place, first = net.legs()
+        lengths = np.add.reduceat(np.hypot(*(to_place - from_place).T), first)
         return Edges(
             np.searchsorted(origin, np.arange(len(self.places) + 1)),
             to,
-            legs + _PER_MOVE,
+            lengths + _PER_MOVE,
             *places_near(flat, begins, origin, to, self.places, self.spare, reach),
             origin,
             np.lexsort((origin, to)),
@@ -161,10 +173,10 @@ def place_graph(
     radius = np.append(kinds, sizes[list(own_ways)])
     need = radius[:, None] + radius + margin + ROOM
     edges, net = net.edges(float(need.max()))
-    onward = edges.origin < edges.to
+    onward, (here, there, first) = edges.origin < edges.to, net.legs()
     fits = np.array(
         [
-            (net.owner < 0) & [bool(space.keeping(way[:-1], way[1:]).all()) for way in net.ways]
+            (net.owner < 0) & np.logical_and.reduceat(space.keeping(here, there), first)
             for space in spaces
         ]
         + [(net.owner == index) & onward for index in own_ways]

@@ -99,12 +99,15 @@ class Floor:
 
     def distance(self, points: Array) -> Array:
         """Return the distance [m] from each of the points (n, 2) to anything solid, (n,)."""
-        apart = shapely.distance(self._edges, shapely.points(points))
-        return np.where(self.are_open(points), apart, 0.0)
+        places = shapely.points(points)
+        return np.where(self._are_open(places), shapely.distance(self._edges, places), 0.0)
 
     def are_open(self, points: Array) -> npt.NDArray[np.bool_]:
         """Return which of the points (n, 2) [m] are on the floor and in no obstacle, (n,)."""
-        places = shapely.points(points)
+        return self._are_open(shapely.points(points))
+
+    def _are_open(self, places: npt.NDArray[np.object_]) -> npt.NDArray[np.bool_]:
+        """Return the same of points (n,) as shapely has them."""
         found: npt.NDArray[np.bool_] = shapely.intersects(self.outline, places)
         found[self.solid.query(places, predicate="intersects")[0]] = False
         return found
