@@ -42,12 +42,18 @@ _SAME_PLACE: Final = 6
 """Starts and goals with the same so many decimals [m] are one place, as on a circle of robots."""
 
 _PER_NEED: Final = 8.0
+_LEAST_PER_NEED: Final = 3.0
 _MOST_POINTS: Final = 250_000
-"""The candidates for places lie on a square grid, this many per need, or fewer on large floors."""
+"""The candidates for places lie on a square grid, this many per need, or fewer on large floors; on
+the largest ones places are farther apart than the need."""
 
 _LONGEST: Final = 1.8
 _LONGEST_AROUND: Final = 3.0
 """Places are connected by a straight edge of up to this many needs, or by a way around corners."""
+
+_NEIGHBOURS: Final = 64
+"""A place is connected to so many others at most, the nearest ones, as small robots' places may lie
+close to each other."""
 
 _PARALLEL: Final = 0.1
 """The first and the last leg of a way meet at one corner if the sine of their angle is more."""
@@ -215,19 +221,27 @@ def _shared(
     There are places for the largest robots, and for the smallest where the largest cannot be.
     """
     between, below = np.empty((0, 2)), math.inf
+    least = _LEAST_PER_NEED * _least_pitch(floor)
     for radius in dict.fromkeys((radii[-1], radii[0])):
-        apart, reach = _spacing(radius, margin) / density, radius + margin + _TOUCH
+        apart = max(_spacing(radius, margin) / density, least)
+        reach = radius + margin + _TOUCH
         between = np.concatenate((between, _spread(floor, (reach, below), apart, between)))
         below = reach
     places = np.concatenate((ends, between))
     spare = np.where(np.arange(len(places)) < len(ends), ROOM, _LESS_AT_ENDS)
-    pairs, ways = _connected(places, spaces, _spacing(radii[-1], margin))
+    pairs, ways = _connected(places, spaces, max(_spacing(radii[-1], margin), least))
     return _Net(places, spare, pairs, ways, np.full(len(ways), -1))
 
 
 def _spacing(radius: float, margin: float) -> float:
     """Return how far apart [m] two robots of a radius keep at rest."""
     return 2.0 * radius + margin + 2.0 * ROOM
+
+
+def _least_pitch(floor: GrownFloor) -> float:
+    """Return the pitch [m] of a square grid that has _MOST_POINTS on a floor."""
+    x0, y0, x1, y1 = floor.outline.bounds
+    return math.sqrt((x1 - x0) * (y1 - y0) / _MOST_POINTS)
 
 
 def _space(floor: GrownFloor, reach: float, spare: float) -> Space:
@@ -248,7 +262,7 @@ def _spread(floor: GrownFloor, between: tuple[float, float], spacing: float, tak
     there is within `spacing` of its centre.
     """
     x0, y0, x1, y1 = floor.outline.bounds
-    pitch = max(spacing / _PER_NEED, math.sqrt((x1 - x0) * (y1 - y0) / _MOST_POINTS))
+    pitch = max(spacing / _PER_NEED, _least_pitch(floor))
     xs, ys = np.arange(x0, x1, pitch), np.arange(y0, y1, pitch)
     points = np.stack(np.meshgrid(xs, ys), axis=-1)
     away = floor.distance(points.reshape(-1, 2)).reshape(points.shape[:2])
@@ -280,7 +294,7 @@ def _spread(floor: GrownFloor, between: tuple[float, float], spacing: float, tak
 def _connected(places: Array, spaces: list[Space], spacing: float) -> tuple[Indices, list[Array]]:
     """Return which places are connected (edges, 2), in both directions, and along which ways."""
     wide = spaces[0]
-    near = KDTree(places).query_pairs(_LONGEST * spacing, output_type="ndarray").astype(np.int64)
+    near = _neighbours(places, _LONGEST * spacing)
     a, b = places[near[:, 0]], places[near[:, 1]]
     seen = wide.keeping(a, b)
     pairs = near[seen].tolist()
@@ -294,6 +308,15 @@ def _connected(places: Array, spaces: list[Space], spacing: float) -> tuple[Indi
             ways.append(_with_one_corner(way, wide))
     both = np.array(pairs).reshape(-1, 2)
     return np.concatenate((both, both[:, ::-1])), [*ways, *(way[::-1] for way in ways)]
+
+
+def _neighbours(places: Array, reach: float) -> Indices:
+    """Return pairs (n, 2) of places within `reach` [m] of which one is among the nearest of one."""
+    others = 1 + min(_NEIGHBOURS, len(places) - 1)
+    apart, other = KDTree(places).query(places, others, distance_upper_bound=reach)
+    one, rank = np.nonzero(np.isfinite(np.asarray(apart)[:, 1:]))
+    pairs = np.column_stack((one, np.asarray(other)[one, 1 + rank])).astype(np.int64)
+    return np.unique(np.sort(pairs, axis=1), axis=0)
 
 
 def _with_one_corner(way: Array, space: Space) -> Array:

@@ -55,6 +55,9 @@ _STEP: Final = 0.05
 _DENSITIES: Final = (1.0, 2.0, 3.0)
 """Densities of the places in between (place_graph), tried in turn for few robots."""
 
+_MOST_PLACES: Final = 8_000
+"""Graphs that would have more places are not tried after a first one: it has many already."""
+
 _CLEARLY: Final = 0.6
 """If moves that start at times have less than this share of the sum of arrivals, moves in turn are
 not driven for comparison: fewer of their places are passed, which saves less than that."""
@@ -118,10 +121,14 @@ def find_legs(
     radii = [robot.radius for robot in scenario.robots]
     kept = _own_ways(scenario, finder)
     ways = {index: one.parts for index, one in kept.items()}
+    places = 0
     for density in _DENSITIES if len(radii) <= FEW else _DENSITIES[:1]:
+        if places * density**2 > _MOST_PLACES:
+            return
         graph = place_graph(scenario, finder.floor, radii, density, ways)
         if graph is None:
             continue
+        places = places or len(graph.places)
         found = False
         for choice in _find_on(graph, scenario, finder, tau, kept):
             found = True
