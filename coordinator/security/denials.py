@@ -60,6 +60,7 @@ _CAUSES: Final = (
     ("BadSignature", "its key is from another authority"),
     ("sent no certificates", "it has no key"),
     ("InvalidContentType", "it speaks plain TCP, not TLS"),
+    ("UnknownProtocolVersion", "it speaks plain TCP, not TLS"),
     ("InvalidPurpose", "its key is not for this purpose"),
     ("alert: UnknownCA", "it trusts another authority"),
     ("received fatal alert", "it does not trust the key that it is shown"),

@@ -57,6 +57,10 @@ def texts(lines, now_s=0.0):
         ("invalid peer certificate: BadSignature.", "somebody: its key is from another authority"),
         ("peer sent no certificates.", "somebody: it has no key"),
         ("received corrupt message of type InvalidContentType.", "somebody: it speaks plain TCP"),
+        (
+            "received corrupt message of type UnknownProtocolVersion.",
+            "somebody: it speaks plain TCP",
+        ),
         ("received fatal alert: UnknownCA.", "somebody: it trusts another authority"),
         ("received fatal alert: BadCertificate.", "somebody: it does not trust the key"),
         ("something new.", "somebody: no TLS link: something new."),
