@@ -24,6 +24,8 @@ _HELD_MS: Final = 2_000
 _NAMED: Final = 10
 """How many robots that are missing for the same reason are named; the others are counted."""
 
+_PLURAL: Final = {"has": "have", "is": "are", "does": "do", "holds": "hold", "its": "their"}
+
 
 class RollCall:
     """The robots that one fleet waits for; `news` is called after every tick."""
@@ -54,7 +56,14 @@ def missing_in_words(fleet: Fleet, now_ns: int) -> str:
     reasons: dict[str, list[str]] = {}
     for member, why in _missing(fleet, now_ns):
         reasons.setdefault(why, []).append(member.id)
-    return "; ".join(f"{_list(names)}: {why}" for why, names in reasons.items())
+    return "; ".join(f"{_list(names)}: {_of(names, why)}" for why, names in reasons.items())
+
+
+def _of(names: list[str], why: str) -> str:
+    """Return a reason in the plural if it is that of several robots."""
+    if len(names) == 1 or why.startswith("held by"):
+        return why
+    return " ".join(_PLURAL.get(word, word) for word in why.split(" "))
 
 
 def _missing(fleet: Fleet, now_ns: int) -> Iterable[tuple[Member, str]]:
@@ -103,7 +112,7 @@ def _why_unheard(member: Member, now_ns: int) -> str:
     if member.boot is None:
         return "has not said hello"
     if member.gone:
-        return "its link is gone"
+        return "has lost its link"
     return "has fallen silent" if member.is_silent(now_ns) else ""
 
 

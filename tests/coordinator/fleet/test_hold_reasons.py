@@ -29,10 +29,10 @@ def test_nothing_is_told_of_robots_that_come_within_a_second():
 
 def test_those_that_have_not_said_hello_are_told_once_and_again_when_that_changes():
     floor, call = Floor(), RollCall()
-    assert ticks(floor, call, 3.0) == ["HOLD, waiting for R1, R2, R3: has not said hello"]
+    assert ticks(floor, call, 3.0) == ["HOLD, waiting for R1, R2, R3: have not said hello"]
     floor.hello("R2")
     floor.report("R2", ARMED)
-    assert ticks(floor, call, 2.0) == ["HOLD, waiting for R1, R3: has not said hello"]
+    assert ticks(floor, call, 2.0) == ["HOLD, waiting for R1, R3: have not said hello"]
 
 
 def test_one_that_does_not_arm_is_told_with_its_fault_in_words():
@@ -62,7 +62,7 @@ def test_one_that_has_left_or_fallen_silent_is_told_so():
         floor.tick()
         floor.report("R3", IDLE)
     assert missing_in_words(floor.fleet, floor.now) == (
-        "R1: its link is gone; R2: has fallen silent; R3: holds its plan but is not armed yet"
+        "R1: has lost its link; R2: has fallen silent; R3: holds its plan but is not armed yet"
     )
 
 
@@ -107,7 +107,7 @@ def test_a_line_names_ten_and_counts_the_others():
         floor.fleet.members[name] = Member(id=name, radius=0.2, speed=0.5, plan=b"")
     assert floor.fleet.phase == HOLD
     said = missing_in_words(floor.fleet, floor.now)
-    assert said.endswith("R9, R10 and 7 more: has not said hello")
+    assert said.endswith("R9, R10 and 7 more: have not said hello")
 
 
 def test_changes_within_a_second_are_told_together():
