@@ -34,7 +34,6 @@ from coordinator.fleet.phases import (
     HELD_PATIENCE,
     LINKS_PATIENCE,
     LONGEST_EPOCH,
-    RESUME_PATIENCE,
     RETURN_PATIENCE,
     SILENT_PATIENCE,
 )
@@ -176,6 +175,7 @@ class Fleet(OperatedFleet):
         later_ns = now_ns - last_ns
         if later_ns < 0:  # The computer was started anew, and its clock with it.
             self._set_back(later_ns)
+        self._unheard_since_ns, self._waits_since_ns = now_ns, None
         self.times.put_off(later_ns + GO_LEAD)
         self._changed_ns, self._stopped_ns = now_ns, self._stopped_ns + later_ns
         self._looked_ns = now_ns
@@ -197,6 +197,7 @@ class Fleet(OperatedFleet):
         if robot not in self.members and self.has_gone and not self.is_ending:
             self._door.tell_stranger(robot, now_ns)  # It says hello until an operator takes it in.
             return []
+        self._unheard_since_ns = 0
         answer = self._door.hear(robot, hello, begun, now_ns)
         if answer is None or isinstance(answer, Outgoing):
             return [answer] if answer else []
@@ -233,6 +234,7 @@ class Fleet(OperatedFleet):
         member = self.members.get(robot)
         if member is None:
             return self._hear_outsider(robot, now_ns)
+        self._unheard_since_ns = 0
         if report.rest is not None and not 1 <= report.rest.epoch <= self.times.epoch:
             self.bad_messages += 1  # The place is on a path that the coordinator does not know.
             if report.boot == member.boot:
@@ -309,11 +311,8 @@ class Fleet(OperatedFleet):
 
         Robots that are all silent have not failed all at once: it waits LINKS_PATIENCE for one.
         """
-        if not self.is_resumed or now_ns - self._changed_ns > LINKS_PATIENCE:
-            return False
-        since_ns = self._patient_until_ns - RESUME_PATIENCE
-        known = [one for one in self.members.planned if one.boot is not None]
-        return bool(known) and all(one.heard_ns < since_ns for one in known)
+        since_ns = self._unheard_since_ns
+        return since_ns > 0 and now_ns - since_ns <= LINKS_PATIENCE
 
     def _hear_gone(self, robot: str, now_ns: int) -> list[Outgoing]:
         """Record that the link to a robot is gone; a robot under way is lost at once.
@@ -362,8 +361,8 @@ class Fleet(OperatedFleet):
         if not self.missing(now_ns):
             self._turn("all armed", now_ns)
         elif self.epoch != self.first_epoch:
-            planned = self.members.planned
-            self._give_up(that_do_not_arm(planned, self.epoch, self._changed_ns, now_ns), now_ns)
+            planned, since_ns = self.members.planned, max(self._changed_ns, self._patient_until_ns)
+            self._give_up(that_do_not_arm(planned, self.epoch, since_ns, now_ns), now_ns)
 
     def _watch(self, now_ns: int) -> None:
         """Give up robots that are lost or do not get on, and hold others: those go around them.

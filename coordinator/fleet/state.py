@@ -44,6 +44,7 @@ _KEPT: Final = (
     "_patient_until_ns",
     "_sequence",
     "_stopped_ns",
+    "_unheard_since_ns",
     "_waits_since_ns",
     "allowed_ms",
     "bad_messages",
@@ -114,6 +115,8 @@ class FleetState:
         """Since when robots that are lost or do not get on hold others."""
         self._router = RouterLink()
         self._patient_until_ns = 0
+        self._unheard_since_ns = 0
+        """Since when a coordinator that took over has heard nobody; 0: it has, or did not."""
         self.is_resumed = self.superseded = False
         self.bad_messages = 0
         self._farewells = 0
@@ -248,7 +251,7 @@ class FleetState:
         until_ns = now_ns + RESUME_PATIENCE
         lost_ns = until_ns - max(self._patient_until_ns, now_ns)
         self._patient_until_ns = until_ns
-        self._excuse(until_ns, lost_ns)
+        self._excuse(until_ns, lost_ns if self.phase == GO else 0)
 
     def _excuse(self, until_ns: int, lost_ns: int = 0, before_ns: int | None = None) -> None:
         """Take in that robots could not be heard: silence counts only from then on.
@@ -264,7 +267,7 @@ class FleetState:
     def _set_back(self, by_ns: int) -> None:
         """Take in that the clock has begun anew: what was before it was that much earlier [ns]."""
         self._first_go_ns += by_ns if self.has_gone else 0
-        self._waits_since_ns = None
+        self._patient_until_ns += by_ns
         self.outside_ns = {name: at and at + by_ns for name, at in self.outside_ns.items()}
         for member in self.members.values():
             member.set_back(by_ns)

@@ -36,6 +36,7 @@ from tests.coordinator.fleet.fleet_floor import (
     Floor,
     adopt,
     bounds,
+    chain,
     frozen_but,
     grants,
     state_of,
@@ -340,8 +341,8 @@ def taken_over():
 
 def test_robots_have_time_to_be_heard_by_a_coordinator_that_took_over():
     floor = taken_over()
-    floor.tick()
     floor.report("R1", MOVING)
+    floor.tick()
     until = floor.now + RESUME_PATIENCE + REPORT_TIMEOUT
     while floor.now < until - COMMAND_PERIOD:
         floor.tick()
@@ -371,6 +372,97 @@ def test_links_that_are_made_long_after_a_coordinator_took_over_let_the_fleet_go
     floor.tick()
     assert floor.fleet.phase == OVER
     assert all(member.finished and not member.lost for member in floor.fleet.members.values())
+
+
+def nothing(floor, seconds):
+    for _ in range(round(seconds * SECOND) // COMMAND_PERIOD):
+        floor.tick()
+
+
+def test_a_coordinator_that_took_over_on_a_computer_that_was_started_anew_waits_as_long():
+    floor = Floor()
+    floor.now = 100_000 * SECOND
+    floor.go()
+    floor.fleet.take_over(78, floor.now, floor.now)
+    for _ in range(50):
+        floor.everybody(MOVING)
+        floor.tick()
+    last_ns, floor.now = floor.now, 50 * SECOND
+    floor.fleet.take_over(79, last_ns, floor.now)
+    nothing(floor, 20.0)
+    assert floor.fleet.phase == GO
+    assert not any(member.struck for member in floor.fleet.members.values())
+
+
+def test_who_is_not_heard_after_a_take_over_gets_no_strike_for_not_arming():
+    floor = frozen_but()
+    adopt(floor, *NAMES)
+    last_ns, floor.now = floor.now, floor.now + 3 * SECOND
+    floor.fleet.take_over(78, last_ns, floor.now)
+    nothing(floor, 40.0)
+    assert not any(member.struck for member in floor.fleet.members.values())
+    assert floor.fleet.phase == HOLD
+    for _ in range(2):
+        floor.everybody(ARMED, epoch=2)
+        floor.tick()
+    assert floor.fleet.phase == GO
+
+
+def test_waiting_for_links_excuses_no_standstill_of_a_fleet_that_does_not_drive():
+    floor = Floor().go()
+    floor.everybody(MOVING)
+    floor.tick()
+    floor.fleet.stop(floor.now)
+    floor.everybody(FROZEN, s_m=0.3)
+    floor.tick()
+    before = floor.fleet.grants.standstills.got_on_latest_ms
+    last_ns, floor.now = floor.now, floor.now + SECOND
+    floor.fleet.take_over(78, last_ns, floor.now)
+    nothing(floor, 50.0)
+    assert floor.fleet.grants.standstills.got_on_latest_ms == before
+
+
+def test_a_coordinator_that_took_over_hears_somebody_who_says_hello_or_has_no_part():
+    started_anew, no_part = taken_over(), frozen_but("R1")
+    adopt(no_part, "R2", "R3")
+    for name in ("R2", "R3"):
+        no_part.report(name, ARMED, epoch=2)
+    no_part.tick()
+    last_ns, no_part.now = no_part.now, no_part.now + SECOND
+    no_part.fleet.take_over(78, last_ns, no_part.now)
+    started_anew.tick()
+    started_anew.hello("R1", boot=2)
+    for _ in range(8 * SECOND // COMMAND_PERIOD):
+        started_anew.tick()
+        no_part.report("R1", IDLE, epoch=2)
+        no_part.tick()
+    assert all(started_anew.fleet.members[name].lost for name in NAMES)
+    assert all(no_part.fleet.members[name].lost for name in ("R2", "R3"))
+
+
+def test_stopping_and_going_on_does_not_prolong_the_wait_for_links():
+    floor = taken_over()
+    for _ in range(3):
+        nothing(floor, 30.0)
+        floor.fleet.stop(floor.now)
+        floor.tick()
+        floor.fleet.go_on(floor.now)
+    assert all(member.lost for member in floor.fleet.members.values())
+
+
+def test_a_robot_that_was_lost_just_before_a_take_over_is_not_given_up_at_once():
+    floor = Floor(rule=chain).go()
+    floor.everybody(MOVING)
+    floor.tick()
+    for _ in range(4 * SECOND // COMMAND_PERIOD):
+        floor.report("R1", MOVING)
+        floor.report("R2", MOVING)
+        floor.tick()
+    assert floor.fleet.members["R3"].lost
+    last_ns, floor.now = floor.now, floor.now + 20 * SECOND
+    floor.fleet.take_over(78, last_ns, floor.now)
+    floor.tick()
+    assert floor.fleet.grants.given_up == set()
 
 
 def test_a_coordinator_that_takes_over_a_frozen_fleet_gives_nobody_up_at_once():
