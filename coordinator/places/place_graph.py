@@ -51,6 +51,10 @@ _LONGEST: Final = 1.8
 _LONGEST_AROUND: Final = 3.0
 """Places are connected by a straight edge of up to this many needs, or by a way around corners."""
 
+_FINER: Final = 4.0
+"""Places for small robots are no more than so many times closer than those for large ones, since
+each edge has all those near it where a large one would be."""
+
 _NEIGHBOURS: Final = 64
 """A place is connected to so many others at most, the nearest ones, as small robots' places may lie
 close to each other."""
@@ -221,7 +225,8 @@ def _shared(
     There are places for the largest robots, and for the smallest where the largest cannot be.
     """
     between, below = np.empty((0, 2)), math.inf
-    least = _LEAST_PER_NEED * _least_pitch(floor)
+    widest = _spacing(radii[-1], margin)
+    least = max(_LEAST_PER_NEED * _least_pitch(floor), widest / density / _FINER)
     for radius in dict.fromkeys((radii[-1], radii[0])):
         apart = max(_spacing(radius, margin) / density, least)
         reach = radius + margin + _TOUCH
@@ -229,7 +234,7 @@ def _shared(
         below = reach
     places = np.concatenate((ends, between))
     spare = np.where(np.arange(len(places)) < len(ends), ROOM, _LESS_AT_ENDS)
-    pairs, ways = _connected(places, spaces, max(_spacing(radii[-1], margin), least))
+    pairs, ways = _connected(places, spaces, max(widest, least))
     return _Net(places, spare, pairs, ways, np.full(len(ways), -1))
 
 

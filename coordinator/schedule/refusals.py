@@ -20,6 +20,7 @@ How = Literal["either order", "no order", "among others", "ring"]
 among the others; or robots block each other in a ring."""
 
 _FEWER: Final = "A wider passage, a smaller margin or fewer robots"
+_PASS: Final = "A wider passage or a place to pass each other"
 _OTHER_PATH: Final = "Another path for one of them"
 
 _NAMED: Final = 3
@@ -48,7 +49,7 @@ class BlockedError(PlanError):
     ) -> None:
         blames = places[-1].on_way_of if places else robots[-1]
         where = (places[-1].x, places[-1].y) if places else None
-        helps = _OTHER_PATH if is_given else _helps(places)
+        helps = _OTHER_PATH if is_given else _helps(how, places)
         said = _said(robots, how, places)
         if how in ("either order", "ring") and not is_given:
             said = f"on the ways that were found, {said}"
@@ -117,16 +118,19 @@ def _error(
     return BlockedError([robot.id for robot in robots], how, places, is_given)
 
 
-def _helps(places: Sequence[PlaceOnWay]) -> str:
+def _helps(how: How, places: Sequence[PlaceOnWay]) -> str:
     """Return what would help: to free the way of the robot that is blamed, or an idle one's place.
 
-    A robot without a goal can stand elsewhere; where no place is on a way, all is too narrow.
+    A robot without a goal can stand elsewhere; where no place is on a way, all is too narrow.  Two
+    that block each other in either order have to pass each other, wherever their goals are.
     """
     if not places:
         return _FEWER
     idle = next((one.robot for one in places if one.end == "place"), None)
     if idle is not None:
         return f"Another place for {idle}, which has no goal, or a wider passage"
+    if how == "either order":
+        return _PASS
     last = places[-1]
     other = f"another {last.end} for {last.robot}"
     return f"A wider passage, {other} or a via point for {last.on_way_of}"

@@ -28,8 +28,7 @@ def test_two_that_swap_in_a_corridor_are_named_with_the_places_on_each_others_wa
     assert (error.robots, error.how, error.blames) == (("R1", "R2"), "either order", "R2")
     assert PlaceOnWay("R1", "start", 1, 4, "R2") in error.places
     assert error.place == (9, 4)
-    helps = "A wider passage, another goal for R1 or a via point for R2 would help"
-    assert str(error).endswith(helps)
+    assert str(error).endswith("A wider passage or a place to pass each other would help")
 
 
 @pytest.mark.parametrize("fields", [{"via": ((1.5, 7.0),)}, {"min_turn_radius": 0.1}])
