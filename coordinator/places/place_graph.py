@@ -262,9 +262,9 @@ def _space(floor: GrownFloor, reach: float, spare: float) -> Space:
 def _spread(floor: GrownFloor, between: tuple[float, float], spacing: float, taken: Array) -> Array:
     """Return places (n, 2) [m] at least `spacing` apart, those that close least of the floor first.
 
-    between [m]: how far they are, more and at most, from what is solid; taken (k, 2) [m]: other
-    places, from which they are as far apart.  What a disc closes is measured by how much free floor
-    there is within `spacing` of its centre.
+    between [m]: they are farther than the first from what is solid, and no farther than the second;
+    taken (k, 2) [m]: other places, from which they are as far apart.  What a disc closes is
+    measured by how much free floor there is within `spacing` of its centre.
     """
     x0, y0, x1, y1 = floor.outline.bounds
     pitch = max(spacing / _PER_NEED, _least_pitch(floor))
@@ -316,7 +316,7 @@ def _connected(places: Array, spaces: list[Space], spacing: float) -> tuple[Indi
 
 
 def _neighbours(places: Array, reach: float) -> Indices:
-    """Return pairs (n, 2) of places within `reach` [m] of which one is among the nearest of one."""
+    """Return pairs (n, 2) within `reach` [m]: each place and its _NEIGHBOURS nearest ones."""
     others = 1 + min(_NEIGHBOURS, len(places) - 1)
     apart, other = KDTree(places).query(places, others, distance_upper_bound=reach)
     one, rank = np.nonzero(np.isfinite(np.asarray(apart)[:, 1:]))
