@@ -25,6 +25,7 @@ _NAMED: Final = 10
 """How many robots that are missing for the same reason are named; the others are counted."""
 
 _PLURAL: Final = {"has": "have", "is": "are", "does": "do", "holds": "hold", "its": "their"}
+"""The words of a reason that change if it is that of several robots."""
 
 
 class RollCall:
@@ -56,12 +57,14 @@ def missing_in_words(fleet: Fleet, now_ns: int) -> str:
     reasons: dict[str, list[str]] = {}
     for member, why in _missing(fleet, now_ns):
         reasons.setdefault(why, []).append(member.id)
-    return "; ".join(f"{_list(names)}: {_of(names, why)}" for why, names in reasons.items())
+    return "; ".join(
+        f"{_list(names)}: {_in_number(why, len(names))}" for why, names in reasons.items()
+    )
 
 
-def _of(names: list[str], why: str) -> str:
-    """Return a reason in the plural if it is that of several robots."""
-    if len(names) == 1 or why.startswith("held by"):
+def _in_number(why: str, robots: int) -> str:
+    """Return a reason in the plural if it is that of several robots; who holds them is one."""
+    if robots == 1 or why.startswith("held by"):
         return why
     return " ".join(_PLURAL.get(word, word) for word in why.split(" "))
 

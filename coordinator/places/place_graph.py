@@ -259,10 +259,12 @@ def _space(floor: GrownFloor, reach: float, spare: float) -> Space:
     return Space(floor.ground(reach + _TOUCH), reach + 0.5 * touch - _FLUSH, 0.4 * touch)
 
 
-def _spread(floor: GrownFloor, between: tuple[float, float], spacing: float, taken: Array) -> Array:
+def _spread(
+    floor: GrownFloor, clearance: tuple[float, float], spacing: float, taken: Array
+) -> Array:
     """Return places (n, 2) [m] at least `spacing` apart, those that close least of the floor first.
 
-    between [m]: they are farther than the first from what is solid, and no farther than the second;
+    clearance [m]: farther than the first from what is solid, and no farther than the second;
     taken (k, 2) [m]: other places, from which they are as far apart.  What a disc closes is
     measured by how much free floor there is within `spacing` of its centre.
     """
@@ -271,7 +273,7 @@ def _spread(floor: GrownFloor, between: tuple[float, float], spacing: float, tak
     xs, ys = np.arange(x0, x1, pitch), np.arange(y0, y1, pitch)
     points = np.stack(np.meshgrid(xs, ys), axis=-1)
     away = floor.distance(points.reshape(-1, 2)).reshape(points.shape[:2])
-    free = (away > between[0]) & (away <= between[1])
+    free = (away > clearance[0]) & (away <= clearance[1])
     if len(taken):
         free &= KDTree(taken).query(points)[0] >= spacing
     around = int(spacing / pitch) + 1
@@ -316,7 +318,7 @@ def _connected(places: Array, spaces: list[Space], spacing: float) -> tuple[Indi
 
 
 def _neighbours(places: Array, reach: float) -> Indices:
-    """Return pairs (n, 2) within `reach` [m]: each place and its _NEIGHBOURS nearest ones."""
+    """Return pairs (n, 2) of places within `reach` [m]: each with its _NEIGHBOURS nearest ones."""
     others = 1 + min(_NEIGHBOURS, len(places) - 1)
     apart, other = KDTree(places).query(places, others, distance_upper_bound=reach)
     one, rank = np.nonzero(np.isfinite(np.asarray(apart)[:, 1:]))
