@@ -280,6 +280,9 @@ def test_of_a_hundred_robots_many_are_listed_and_the_chosen_one_on_top(tmp_path)
         assert not tab.run("document.querySelector('.diagram').checkVisibility()")
         click(tab, "show-chart")
         assert tab.run("document.querySelector('.diagram').checkVisibility()")
+        tab.wait("document.getElementById('robots-title').textContent === 'Robots: 100 not heard'")
+        tab.run("splinefleet.choose(54)")
+        tab.wait(f"{first} === 'R55'")
         assert tab.errors == []
 
 

@@ -144,11 +144,13 @@ class RobotList {
     this.sift();
   }
 
-  /** Where a robot stands in the list: those in trouble on top, then, of many, the chosen one. */
+  /** Where a robot stands in the list: those in trouble on top, then, of many, the chosen one; the first
+   * of those in trouble if it is one of them. */
   place(index, state, troubled) {
-    if (state === "unheard" || troubled.has(index)) return 0;
+    const isChosen = this.many && index === this.focus;
+    if (state === "unheard" || troubled.has(index)) return isChosen ? -1 : 0;
     if (!this.many) return 2;
-    if (index === this.focus) return 1;
+    if (isChosen) return 1;
     return byId("trouble").checked ? 2 + rank(state) : 2 + TROUBLE.length;
   }
 
