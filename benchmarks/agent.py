@@ -1,7 +1,8 @@
 """The robot's core and its process: the cost of a tick, and how many robots one machine can run.
 
-`python -m benchmarks agent` measures the tick; `python -m benchmarks.agent [COUNT [SECONDS]]` also
-starts that many robots as processes, with a coordinator, on this machine.
+`python -m benchmarks agent` measures the tick, and
+`python -m benchmarks.agent [COUNT [SECONDS [RATE]]]`
+also that many robots as processes, at RATE ticks a second, with a coordinator.
 """
 
 from __future__ import annotations
@@ -33,9 +34,6 @@ from protocol.plan_parts import PlanParts, unpack_plan
 from robot_agent.core.agent import Agent
 from robot_agent.core.ride import NOTHING
 from sim.processes.local_fleet import free_port
-
-RATE: Final = 50
-"""Ticks a second of every robot of a fleet."""
 
 HEADROOM_MS: Final = 1_041
 """What Commands grant a robot that nobody holds, beyond the plan's time."""
@@ -114,8 +112,8 @@ def _seen(driven: Driven) -> list[list[float]]:
     return rows
 
 
-def fleet_of_agents(count: int = 100, seconds: float = 20.0) -> list[Row]:
-    """Run `count` robots at once as processes, at RATE ticks a second, for `seconds`.
+def fleet_of_agents(count: int, seconds: float, rate: int) -> list[Row]:
+    """Run `count` robots at once as processes, at `rate` ticks a second, for `seconds`.
 
     Ticks and overruns are counted while robots move, in all epochs: a robot that is late because it
     got no processor makes the fleet freeze and continue with the next epoch.  The worst tick is
@@ -125,7 +123,7 @@ def fleet_of_agents(count: int = 100, seconds: float = 20.0) -> list[Row]:
     """
     with TemporaryDirectory() as name, _ended() as processes:
         folder = Path(name)
-        coordinator = _start_fleet(folder, count, seconds, processes)
+        coordinator = _start_fleet(folder, count, seconds, rate, processes)
         before, began = [_cpu_s(process) for process in processes], time.monotonic()
         busy, taken = _busy_s(), _taken_s()
         time.sleep(seconds)
@@ -141,6 +139,7 @@ def fleet_of_agents(count: int = 100, seconds: float = 20.0) -> list[Row]:
     return [
         {
             "robots": count,
+            "ticks a second": rate,
             "arrived": sum(robot["phase"] == "done" for robot in events[-1]["robots"]),
             "freezes": sum(e["event"] == "phase" and e["text"] == "FREEZE" for e in events),
             "ticks": ticks,
@@ -157,7 +156,9 @@ def fleet_of_agents(count: int = 100, seconds: float = 20.0) -> list[Row]:
     ]
 
 
-def _start_fleet(folder: Path, count: int, seconds: float, processes: list[Process]) -> Process:
+def _start_fleet(
+    folder: Path, count: int, seconds: float, rate: int, processes: list[Process]
+) -> Process:
     """Start a coordinator and its robots; return the coordinator when it has sent GO."""
     scenario = folder / "lanes.json"
     scenario.write_bytes(scenario_to_json(lanes(count, seconds)))
@@ -177,19 +178,21 @@ def _start_fleet(folder: Path, count: int, seconds: float, processes: list[Proce
     for line in coordinator.stdout:
         event = json.loads(line)
         if event["event"] == "listening":
-            processes.extend(_start_robot(folder, f"R{i + 1}", endpoint) for i in range(count))
+            processes.extend(
+                _start_robot(folder, f"R{i + 1}", endpoint, rate) for i in range(count)
+            )
         elif event["event"] == "phase" and event["text"] == "GO":
             return coordinator
     raise RuntimeError(f"the coordinator ended before GO: {line}")
 
 
-def _start_robot(folder: Path, robot: str, endpoint: str) -> Process:
+def _start_robot(folder: Path, robot: str, endpoint: str, rate: int) -> Process:
     with (folder / f"{robot}.jsonl").open("w") as counts:
         return subprocess.Popen(
             [
                 *(*_COMMAND, "agent", robot, f"--connect={endpoint}", "--fleet=lanes"),
                 *("--radius=0.2", f"--max-speed={_SPEED}", f"--max-accel={_SPEED}"),
-                *(f"--rate={RATE}", "--stats", "--quiet", "--give-up=30", "--wait=60"),
+                *(f"--rate={rate}", "--stats", "--quiet", "--give-up=30", "--wait=60"),
             ],
             stdout=counts,
             stdin=subprocess.DEVNULL,
@@ -250,12 +253,12 @@ def _ended() -> Iterator[list[Process]]:
 def main() -> None:
     """Measure, and write benchmarks/results/agent_fleet.json."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(130))
-    count, seconds = (*map(int, sys.argv[1:]), *(100, 20)[len(sys.argv) - 1 :])
+    count, seconds, rate = (*map(int, sys.argv[1:]), *(100, 20, 50)[len(sys.argv) - 1 :])
     record(
         "agent_fleet",
         {
             "one tick of the robot's core": agent(),
-            "robot processes and a coordinator": fleet_of_agents(count, seconds),
+            "robot processes and a coordinator": fleet_of_agents(count, seconds, rate),
         },
     )
 

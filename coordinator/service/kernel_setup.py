@@ -60,14 +60,21 @@ def _compile_in_processes() -> None:
 
 
 def _run(commands: Sequence[Sequence[str]], look: Callable[[], None]) -> None:
-    """Run commands at once; call `look` from time to time until all have ended."""
+    """Run as many commands at once as there are processors; call `look` until all have ended.
+
+    Those that begin later load what earlier ones have compiled.
+    """
     quiet = subprocess.DEVNULL
-    running = [
-        subprocess.Popen(command, cwd=_ROOT, stdin=quiet, stdout=quiet, stderr=quiet)
-        for command in commands
-    ]
+    running: list[subprocess.Popen[bytes]] = []
+    waiting = list(commands)
     try:
-        while any(process.poll() is None for process in running):
+        while waiting or running:
+            running = [process for process in running if process.poll() is None]
+            while waiting and len(running) < (os.cpu_count() or 1):
+                command = waiting.pop(0)
+                running.append(
+                    subprocess.Popen(command, cwd=_ROOT, stdin=quiet, stdout=quiet, stderr=quiet)
+                )
             time.sleep(_LOOK_S)
             look()
     finally:
