@@ -66,7 +66,8 @@ class Floor(NamedTuple):
 class Rows(NamedTuple):
     """Rows of times in order: row r has size[r] of them from first[r] on, and room up to the next.
 
-    times (m, 2): when a window begins and ends, or twice a time; whose (m,): the robot.
+    times (m, 3): when a window begins and ends, or twice a time, and when the last one up to it
+    ends; whose (m,): the robot.
     """
 
     first: Indices
@@ -167,15 +168,17 @@ def clear_after(
 @compiled
 def _insert(rows: Rows, row: int, begin: float, end: float, robot: int) -> bool:
     """Insert a window into a row; return whether there was room."""
-    first = rows.first[row]
+    first, times = rows.first[row], rows.times
     k = first + rows.size[row]
     if k == rows.first[row + 1]:
         return False
-    while k > first and rows.times[k - 1, 0] > begin:
-        rows.times[k, 0], rows.times[k, 1] = rows.times[k - 1, 0], rows.times[k - 1, 1]
+    while k > first and times[k - 1, 0] > begin:
+        times[k, 0], times[k, 1] = times[k - 1, 0], times[k - 1, 1]
+        times[k, 2] = max(times[k - 1, 2], end)
         rows.whose[k] = rows.whose[k - 1]
         k -= 1
-    rows.times[k, 0], rows.times[k, 1], rows.whose[k] = begin, end, robot
+    times[k, 0], times[k, 1], rows.whose[k] = begin, end, robot
+    times[k, 2] = max(times[k - 1, 2], end) if k > first else end
     rows.size[row] += 1
     return True
 
@@ -183,10 +186,11 @@ def _insert(rows: Rows, row: int, begin: float, end: float, robot: int) -> bool:
 @compiled
 def _remove(rows: Rows, row: int, robot: int) -> None:
     """Remove all windows of a robot from a row."""
-    kept = rows.first[row]
+    kept, times, last = rows.first[row], rows.times, -math.inf
     for k in range(kept, kept + rows.size[row]):
         if rows.whose[k] != robot:
-            rows.times[kept, 0], rows.times[kept, 1] = rows.times[k, 0], rows.times[k, 1]
+            last = max(last, times[k, 1])
+            times[kept, 0], times[kept, 1], times[kept, 2] = times[k, 0], times[k, 1], last
             rows.whose[kept] = rows.whose[k]
             kept += 1
     rows.size[row] = kept - rows.first[row]
@@ -248,13 +252,32 @@ def strike_out(robot: int, start: int, plans: Plans, floor: Floor, books: Books)
 
 
 @compiled
+def _first_from(rows: Rows, row: int, time: float) -> int:
+    """Return the index of a row's first window that begins at `time` or later.
+
+    If none does, it is the one after the row's last.
+    """
+    low = rows.first[row]
+    high = low + rows.size[row]
+    while low < high:
+        middle = (low + high) // 2
+        if rows.times[middle, 0] < time:
+            low = middle + 1
+        else:
+            high = middle
+    return int(low)
+
+
+@compiled
 def _open_from(e: int, start: float, rows: Rows) -> float:
     """Return the earliest time from `start` on at which an edge is open."""
     first = rows.first[e]
-    for k in range(first, first + rows.size[e]):
-        if rows.times[k, 0] >= start:
-            break
+    k, last = _first_from(rows, e, start), first + rows.size[e]
+    if k > first:
+        start = max(start, rows.times[k - 1, 2])
+    while k < last and rows.times[k, 0] < start:
         start = max(start, rows.times[k, 1])
+        k += 1
     return start
 
 
@@ -296,20 +319,35 @@ def soonest(
             if not floor.fits[e] or left[w] == math.inf:
                 continue
             spent += 1
-            k, there = passing.first[w], first[w]
-            at = _open_from(e, arrival[state], books.edge)
-            while at < limit and at + floor.length[e] + left[w] < latest:
-                while there < first[w + 1] - 1 and passing.times[k, 0] < at:
+            at = arrival[state]
+            if at + floor.length[e] + left[w] >= latest:
+                continue
+            k, end = _first_from(passing, w, at), first[w + 1] - 1
+            there = first[w] + k - passing.first[w]
+            while True:
+                # Parts that end before, or that are reached as early already, are passed over.
+                while there < end and (
+                    passing.times[k, 0] < at or arrival[there] <= at + floor.length[e]
+                ):
+                    at = max(at, passing.times[k, 0] + _LATER)
                     k += 1
                     there += 1
+                if arrival[there] > at + floor.length[e]:
+                    at = _open_from(e, at, books.edge)
+                if at >= limit or at + floor.length[e] + left[w] >= latest:
+                    break
+                if there < end and passing.times[k, 0] < at:
+                    continue
                 after = at + floor.length[e]
                 if after < arrival[there]:
                     arrival[there], parent[there] = after, state
                     by[there], started[there] = e, at
                     heapq.heappush(heap, (after + left[w], there, w))
-                if there == first[w + 1] - 1:
+                if there == end:
                     break
-                at = _open_from(e, max(at, passing.times[k, 0]) + _LATER, books.edge)
+                at = passing.times[k, 0] + _LATER
+                k += 1
+                there += 1
     if not done[last]:
         return -1 - spent
     size, state = 0, last

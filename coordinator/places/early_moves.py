@@ -145,4 +145,4 @@ def _rows(counts: Indices) -> Rows:
     """Return empty rows with room for twice as many times, and _SPARE_WINDOWS more."""
     first = np.append(0, np.cumsum(2 * counts + _SPARE_WINDOWS))
     size = int(first[-1])
-    return Rows(first, np.zeros_like(counts), np.zeros((size, 2)), np.zeros(size, np.int64))
+    return Rows(first, np.zeros_like(counts), np.zeros((size, 3)), np.zeros(size, np.int64))

@@ -64,7 +64,7 @@ def _in_its_way(
         first = books.edge.first[onward]
         for k in range(first, first + books.edge.size[onward]):
             other = books.edge.whose[k]
-            begin, end = books.edge.times[k]
+            begin, end = books.edge.times[k, 0], books.edge.times[k, 1]
             in_the_way = begin <= at < end and not chosen[other] and found < most
             if in_the_way and _random(noise, _CHANCE) > 0:
                 chosen[other] = True
