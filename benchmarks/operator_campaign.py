@@ -291,7 +291,7 @@ def _run(
 ) -> tuple[Trial, list[str]]:
     """Run a seed, or other acts in its hall; return the run and what was wrong with it."""
     with TemporaryDirectory() as folder:
-        logs = RunLogs(Path(folder))
+        logs = RunLogs(Path(folder), power_cuts=True)
         trial = Trial(seed, logs, script, floors=floors)
         try:
             trial.run()

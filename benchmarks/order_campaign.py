@@ -158,7 +158,7 @@ def run_seed(seed: int) -> Result:
     network = MemoryNetwork(seed, loss=loss, delay_ns=(0, round(delay * SECOND)))
     document = plan_scenario(scenario)
     with TemporaryDirectory() as folder:
-        logs = RunLogs(Path(folder))
+        logs = RunLogs(Path(folder), power_cuts=True)
         world = World(
             scenario,
             document,

@@ -142,10 +142,15 @@ class MissionDriver:
         self._send = send
         self._plans = self.fleet.plans()
         self._answers_from_ns = 0
-        self._orders_key = keys.orders(self.fleet.name, "")
+        self._plans_key, self._orders_key, self._blocks_key = (
+            kind(self.fleet.name, "") for kind in (keys.plan, keys.orders, keys.blocks)
+        )
         self._order_states = {
             self._orders_key + state.id: encode(state) for state in self.fleet.orders.states()
         }
+        self._logged_plans: dict[str, bytes] = {}
+        """The plans that were said last, which the log has."""
+
         self._checkpoint_bytes = checkpoint_bytes
         self._recorded, self._due_after = 0, checkpoint_bytes or 0
         self._router_up: bool | None = None
@@ -277,17 +282,13 @@ class MissionDriver:
         self.finish(self.under_way[asked], partial(self._commit, asked, answer), now_ns)
 
     def _commit(self, asked: CourseRequest, found: Answer, now_ns: int) -> None:
-        """Put a course into effect that was looked for; it is in the log before it is sent."""
+        """Put a course into effect that was looked for."""
         if self._journal.error is not None:
             return
         record = search_record(asked, found_of(found))
         self._record(course_key(self.fleet.name), record, now_ns)
         self.mission.commit(asked, found, now_ns)
-        messages = self.fleet.new_courses(now_ns)
-        if messages:
-            is_logged = self._journal.sync()
-            self.is_withheld |= not is_logged
-        self._say([*messages, *self.fleet.order_states()], now_ns)
+        self._say([*self.fleet.new_courses(now_ns), *self.fleet.order_states()], now_ns)
 
     def _adopt(self, asked: Request, found: Recovery, now_ns: int) -> None:
         """Begin the next epoch, unless it cannot be logged."""
@@ -329,24 +330,47 @@ class MissionDriver:
         given_up.clear()
 
     def _say(self, messages: list[Outgoing], now_ns: int, *, is_new_epoch: bool = False) -> None:
-        """Log and send messages; a new phase is in the log before a robot hears of it.
+        """Log and send messages.
 
-        Plans and a GO that are not in the log are not sent: a coordinator that resumes from the log
-        would not know of them.  A new epoch is in it with a checkpoint, so that nobody has to plan
-        it again.  What the messages state holds without those that were given up before.
+        A new phase, a plan, and an answer about an order or a closed place are in the log before
+        anybody hears of them: people and robots act on them.  Plans and a GO that are not in the
+        log are not sent: a coordinator that resumes from the log would not know of them.  A new
+        epoch is in it with a checkpoint, so that nobody has to plan it again.  What the messages
+        state holds without those that were given up before.
         """
         self._record_given_up(now_ns)
+        must_not, must = False, False
         for message in messages:
             self._record(message.key, message.payload, now_ns)
-            name = message.key.removeprefix(self._orders_key)
-            if name != message.key and self.fleet.orders.has(name):
-                self._order_states[message.key] = message.payload
+            must_not |= self._is_new_plan(message)
+            must |= self._is_answer(message)
         if is_new_epoch:
             self.checkpoint(now_ns)
         if messages and self._phase != (self.fleet.epoch, self.fleet.phase):
             self._phase = (self.fleet.epoch, self.fleet.phase)
+            must, must_not = True, must_not or self.fleet.phase in (HOLD, GO)
+        if must or must_not:
             is_logged = self._journal.sync()
-            self.is_withheld |= self.fleet.phase in (HOLD, GO) and not is_logged
+            self.is_withheld |= must_not and not is_logged
         if not self.is_withheld:
             for message in messages:
                 self._send(message.key, message.payload)
+
+    def _is_new_plan(self, message: Outgoing) -> bool:
+        """Return whether a message is a plan that was not sent before; it counts as sent."""
+        key, payload = message.key, message.payload
+        if not key.startswith(self._plans_key) or self._logged_plans.get(key) == payload:
+            return False
+        self._logged_plans[key] = payload
+        return True
+
+    def _is_answer(self, message: Outgoing) -> bool:
+        """Return whether a message is news of an order or of a closed place; keep an order's."""
+        key, payload = message.key, message.payload
+        name = key.removeprefix(self._orders_key)
+        if name == key:
+            return key.startswith(self._blocks_key)
+        if not self.fleet.orders.has(name) or self._order_states.get(key) == payload:
+            return False
+        self._order_states[key] = payload
+        return True

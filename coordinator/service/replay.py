@@ -246,10 +246,10 @@ def go_on(before: Log, boot: int, now_ns: int, scenario: Scenario | None = None)
     """Return the mission of a log, taken over by a coordinator that starts at `now_ns`.
 
     If the floor of `scenario` is not that of the log, the fleet freezes and is planned anew on it.
-    Raises InputError if the log cannot be run again, has no records, its fleet has ended, or what
-    is in force at its end is not proven.
+    Raises InputError if the log cannot be run again, its fleet has ended, what is in force at its
+    end is not proven, or it has no records and resumes no other log.
     """
-    if not before.records:
+    if not (before.records or _resumes(before)):
         why = "it holds no message: nothing was under way, start a new run"
         raise InputError([f"the log cannot be resumed: {why}"])
     try:
@@ -260,7 +260,8 @@ def go_on(before: Log, boot: int, now_ns: int, scenario: Scenario | None = None)
         raise InputError(["the fleet in this log has ended; nothing is left to do"])
     if failures := in_force_failures(mission):
         raise InputError([f"the log cannot be resumed: {one}" for one in failures])
-    mission.take_over(boot, before.records[-1].log_ns, now_ns)
+    ended_ns = before.records[-1].log_ns if before.records else _before(before)[1]
+    mission.take_over(boot, ended_ns, now_ns)
     if scenario is not None and changes(scenario_of(before), scenario):
         mission.change_floor(scenario.workspace, now_ns)
     return mission

@@ -140,7 +140,9 @@ def run_one(
     with ExitStack() as stack:
         if folder is None and any(fault.kind == "coordinator-restart" for fault in faults):
             folder = Path(stack.enter_context(TemporaryDirectory()))
-        logs = None if folder is None else stack.enter_context(closing(RunLogs(folder)))
+        logs = None
+        if folder is not None:
+            logs = stack.enter_context(closing(RunLogs(folder, power_cuts=True)))
         world = make_world(scenario, document, seed, faults, authority=authority, logs=logs)
         over, over_ns = run_world(world, document, lambda: watch(world))
     boxes = world.blackboxes()

@@ -8,6 +8,7 @@ damage one.  Must not know: what is recorded.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -34,12 +35,16 @@ WALL_OFFSET_NS: Final = 1_700_000_000 * 10**9
 class RunLogs:
     """Writes the logs of one run into a folder, one after another.
 
-    While no log is open, nothing is recorded.  Methods raise LogError when the log cannot be
-    written.
+    While no log is open, nothing is recorded.  With `power_cuts` a coordinator that is killed
+    leaves only what it had brought to the disk, as when its computer loses power.  Methods raise
+    LogError when the log cannot be written.
     """
 
-    def __init__(self, folder: Path, wall_offset_ns: int = WALL_OFFSET_NS) -> None:
+    def __init__(
+        self, folder: Path, wall_offset_ns: int = WALL_OFFSET_NS, *, power_cuts: bool = False
+    ) -> None:
         self.paths: list[Path] = []
+        self._power_cuts, self._synced = power_cuts, 0
         self._folder = folder
         self._wall_offset_ns = wall_offset_ns
         self._head: Head = ({}, [])
@@ -57,6 +62,14 @@ class RunLogs:
             attachments=files,
         )
         self.paths.append(path)
+        self.sync()
+
+    def sync(self) -> None:
+        """Bring everything recorded so far to the disk."""
+        with self._writing() as writer:
+            if writer is not None and self._power_cuts:
+                writer.flush()
+                self._synced = self.paths[-1].stat().st_size
 
     def record(self, key: str, payload: bytes, now_ns: int, sent_ns: int | None = None) -> None:
         """Record a message; both times are virtual."""
@@ -87,6 +100,8 @@ class RunLogs:
             if writer is not None:
                 writer.flush()
                 writer.abandon()
+            if self._power_cuts:
+                os.truncate(self.paths[-1], self._synced)
             return self.paths[-1].read_bytes()
 
     def go_on(

@@ -171,6 +171,17 @@ def test_after_a_cut_nothing_is_recorded_until_the_next_log(tmp_path):
     assert ([record.payload for record in log.records], log.complete) == ([b"x"], False)
 
 
+def test_a_power_cut_leaves_what_was_brought_to_the_disk(tmp_path):
+    with closing(RunLogs(tmp_path, power_cuts=True)) as logs:
+        logs.begin(({}, []))
+        logs.record("splinefleet/f/command", b"x", 1)
+        logs.sync()
+        logs.record("splinefleet/f/command", b"y", 2)
+        before = logs.cut()
+    assert (tmp_path / "run.mcap").read_bytes() == before
+    assert [record.payload for record in log_from_bytes(before, "log").records] == [b"x"]
+
+
 def test_a_core_that_decides_otherwise_is_found_at_the_first_message_that_differs(
     story, monkeypatch
 ):
