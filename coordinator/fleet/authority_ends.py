@@ -118,8 +118,12 @@ class AuthorityEnds:
         return self._end_ms(robot) < self.told_ms(robot)
 
     def is_end_known(self, robot: str) -> bool:
-        """Return whether it is known where a robot's authority ends, or seems to be."""
-        is_exact = self._known_ms(robot) >= self.told_ms(robot)
+        """Return whether it is known where a robot's authority ends, or seems to be.
+
+        A robot that has passed all that it may have been told has no more.
+        """
+        passed_ms = int(self._rule.progress[self._courses[robot].now.slot])
+        is_exact = max(self._known_ms(robot), passed_ms) >= self.told_ms(robot)
         return is_exact or self.may_have_more(robot)
 
     def is_at_end(self, robot: str) -> bool:

@@ -265,6 +265,19 @@ def test_one_that_stands_where_its_known_authority_ends_seems_to_have_no_more(
     assert grants.ends.halt("R1") == (1_000 if may_have_more else 7_000)
 
 
+def test_one_that_has_passed_all_that_it_may_have_been_told_has_no_more():
+    line = Timeline([0.0, 1.0, 2.0], [0.5, 0.5, 0.5], [1.0], [9.0])
+    course = SimpleNamespace(driven=SimpleNamespace(timeline=line))
+    grants = Grants(staircases(), ["R1"], HEADROOM, (course,))
+    state(grants, 0)
+    grants.lose_sight(7_000)
+    assert not grants.ends.is_end_known("R1")
+    assert grants.hear("R1", report(7_000), 7_000)
+    assert grants.ends.is_end_known("R1")
+    assert not grants.ends.may_have_more("R1")
+    assert grants.ends.halt("R1") == 7_000
+
+
 @pytest.mark.parametrize(("need_ms", "fits"), [(300, True), (900, False)])
 def test_a_course_is_refused_for_what_was_told_against_it_and_for_nothing_else(need_ms, fits):
     """After a resume, R2 may have been told more than R1 lets it: that is none of R3's business."""

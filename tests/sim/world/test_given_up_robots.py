@@ -8,6 +8,7 @@ from coordinator.findings.log_proof import prove_log
 from coordinator.fleet.grants import Grants
 from coordinator.log.log_file import logs_before, read_log
 from coordinator.mission.obstructions import Aside, Obstructions
+from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import Order
 from coordinator.schedule.authority import EVER
 from coordinator.service.replay import check_log
@@ -16,10 +17,12 @@ from protocol.messages import Order as Said
 from protocol.phases import DONE
 from protocol.timing import SECOND
 from sim.judging.judge import least_separation
+from sim.world.fault_script import read_faults
 from sim.world.fault_text import Fault
+from sim.world.memory_transport import MemoryNetwork
 from sim.world.run_logs import RunLogs
-from sim.world.virtual_fleet import NO_FLAWS
-from tests.scenarios import a_scenario, box
+from sim.world.virtual_fleet import NO_FLAWS, USUAL_FLAWS, World
+from tests.scenarios import a_robot, a_scenario, box
 from tests.sim.world.test_orders_in_time import (
     a_world,
     admit,
@@ -549,3 +552,29 @@ def test_the_log_shows_if_a_robot_that_was_pushed_off_its_goal_counts_as_there(
     logs.close()
     assert nobody_touches(world) is not is_broken
     assert prove_log(read_log(logs.paths[-1])).holds is not is_broken
+
+
+def test_robots_at_a_door_get_around_one_that_died_while_the_coordinator_was_away(tmp_path):
+    """R1 waits at a stop for the dead R3: all that it may have been told, it has passed."""
+    slow = {"max_speed": 0.5, "max_accel": 0.5}
+    robots = [
+        a_robot("R1", (1.0, 1.5), (9.0, 6.5), max_speed=0.6),
+        a_robot("R2", (9.0, 1.5), (1.0, 6.5), max_speed=0.6),
+        a_robot("R3", (1.0, 4.0), (9.0, 3.0), **slow),
+        a_robot("R4", (9.0, 4.8), (1.0, 2.6), radius=0.25, **slow),
+    ]
+    wall = (box(4.5, 0.0, 5.5, 2.5), box(4.5, 5.0, 5.5, 8.0))
+    logs = RunLogs(tmp_path)
+    scenario = a_scenario(robots, obstacles=wall)
+    faults = read_faults(["coordinator-restart@6:2", "kill:R3@7"], ["R3"])
+    network, effort = MemoryNetwork(0), 20
+    document = plan_scenario(scenario, effort=effort)
+    how = {"seed": 0, "faults": faults, "flaws": USUAL_FLAWS, "effort": effort, "logs": logs}
+    world = World(scenario, document, network, **how)
+    world.run(90.0)
+    logs.close()
+    assert world.fleet.is_finished
+    assert all(world.fleet.members[name].has_arrived for name in ("R1", "R2", "R4"))
+    assert nobody_touches(world)
+    log = read_log(logs.paths[-1])
+    assert (check_log(log).difference, prove_log(log, before=logs_before(log)).holds) == ("", True)
