@@ -4,7 +4,7 @@ A closed place bounds what a robot may be granted until it is open again, a halt
 go on, and for a robot that others go around it ends for ever.
 
 Decides: up to where a robot may ever be granted, where it comes to rest with what it was told.
-Must not know: other robots, Commands.
+Must not know: Commands, how authority is divided.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from coordinator.fleet.sent_courses import Courses
+from coordinator.fleet.standstills import Standstills
 from coordinator.schedule.authority import EVER, Authority
 from protocol.timing import LATE_STEP_MS
 
@@ -31,8 +32,10 @@ class AuthorityEnds:
     rest, if they were halted there; given_up: those that are granted nothing more, for ever.
     """
 
-    def __init__(self, rule: Authority, courses: Mapping[str, Courses]) -> None:
-        self._rule, self._courses = rule, courses
+    def __init__(
+        self, rule: Authority, courses: Mapping[str, Courses], standstills: Standstills
+    ) -> None:
+        self._rule, self._courses, self._standstills = rule, courses, standstills
         self.limits: dict[str, int] = {}
         self.halts: dict[str, int] = {}
         self.given_up: set[str] = set()
@@ -101,7 +104,8 @@ class AuthorityEnds:
         """Return where [ms] a robot comes to rest on the course in force with what it was told.
 
         After a log was gone on from, more may have been told than is known.  A robot that stands
-        where that ends was not, as it seems.  If it was, it takes no course that begins there.
+        where that ends was not, as it seems, and one that is held for long stands where it is.  If
+        it was told more, it takes no course that begins there.
         """
         told_ms, known_ms = self.told_ms(robot), self._known_ms(robot)
         sent = self._courses[robot].now
@@ -110,7 +114,8 @@ class AuthorityEnds:
         line, passed_ms = sent.course.driven.timeline, int(self._rule.progress[sent.slot])
         reported_ms = (passed_ms, known_ms, passed_ms + LATE_STEP_MS)  # It may have passed more.
         least, end, most = (line.s_at(ms / 1000.0) for ms in reported_ms)
-        stands = least - _STANDS <= end <= most + _STANDS
+        stands = sent.slot in self._standstills.for_long
+        stands |= least - _STANDS <= end <= most + _STANDS
         return min(max(known_ms, passed_ms), told_ms) if stands else told_ms
 
     def may_have_more(self, robot: str) -> bool:

@@ -73,6 +73,7 @@ class PlainGrants(msgspec.Struct, frozen=True):
     ends: dict[str, int] = {}
     kept_from: dict[str, str] = {}
     replaced: dict[str, list[PlainSent]] = {}
+    held_for_long: list[int] = []
 
 
 class Grants:
@@ -113,8 +114,8 @@ class Grants:
         self._reserved: set[int] = set()
         """Numbers on which nothing is granted: of courses looked for or withdrawn, and
         of robots that were taken out."""
-        self.ends = AuthorityEnds(self._rule, self._courses)
         self.standstills = Standstills(self._names)
+        self.ends = AuthorityEnds(self._rule, self._courses, self.standstills)
         self._done = np.zeros(2 * count, bool)
 
     @property
@@ -156,6 +157,7 @@ class Grants:
                 for name, mine in self._courses.items()
                 if mine.replaced
             },
+            sorted(self.standstills.for_long),
         )
 
     @classmethod
@@ -182,8 +184,8 @@ class Grants:
         still.by_slot = {slot: (by, since) for slot, by, since in told.held}
         made._done = np.frombuffer(told.done, bool).copy()
         made._next_number, made._reserved = told.next_number, set(told.reserved)
-        still.kept_from = told.kept_from
-        made.ends = AuthorityEnds(made._rule, made._courses)
+        still.kept_from, still.for_long = told.kept_from, set(told.held_for_long)
+        made.ends = AuthorityEnds(made._rule, made._courses, still)
         made.ends.take_over(told.limits, told.ends, set(told.given_up))
         return made
 

@@ -20,6 +20,9 @@ STUCK_MS: Final = 10_000
 LATELY_MS: Final = 1_000
 """A robot that has got on within this time gets on."""
 
+LONG_MS: Final = 5_000
+"""A robot that is held for this long has used up what it was told: it stands."""
+
 _STEPS: Final = 2
 """A robot gets on when its known progress has grown by this many steps of lateness."""
 
@@ -49,6 +52,9 @@ class Standstills:
         self.by_slot: dict[int, tuple[int, int]] = {}
         """By slot: the slot of who holds its robot, and since when [ms]."""
 
+        self.for_long: set[int] = set()
+        """The slots whose robots are held for LONG_MS or longer."""
+
         self.kept_from: dict[str, str] = {}
         """By robot: who has to pass before it may begin the course last found, or one is found."""
 
@@ -65,7 +71,7 @@ class Standstills:
 
     def begin(self, slot: int, old: int, now_ms: int) -> None:
         """Take in that a robot has left its old course for the one in a slot."""
-        self.by_slot.pop(old, None)
+        self._free(old)
         self.got_on_ms[slot] = now_ms
         self.got_on_latest_ms = max(now_ms, self.got_on_latest_ms)
 
@@ -86,12 +92,19 @@ class Standstills:
         for slot, by in holders.items():
             if by is not None:
                 self.by_slot[slot] = by, before.get(slot, (by, now_ms))[1]
+        self.for_long = {
+            slot for slot, (_, since) in self.by_slot.items() if now_ms - since >= LONG_MS
+        }
 
     def remove(self, robot: str, slots: Collection[int]) -> None:
         """Forget a robot that is not on the floor any more, and its slots."""
         for slot in slots:
-            self.by_slot.pop(slot, None)
+            self._free(slot)
         self.kept_from = {one: by for one, by in self.kept_from.items() if robot not in (one, by)}
+
+    def _free(self, slot: int) -> None:
+        self.by_slot.pop(slot, None)
+        self.for_long.discard(slot)
 
     def excuse(self, lost_ms: int) -> None:
         """Take in that for so long [ms] robots could not get on, or could not be heard."""

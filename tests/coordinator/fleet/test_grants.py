@@ -8,7 +8,7 @@ import pytest
 
 from coordinator.fleet.grants import Grants
 from coordinator.fleet.sent_courses import Sent
-from coordinator.fleet.standstills import STUCK_MS
+from coordinator.fleet.standstills import LONG_MS, STUCK_MS
 from coordinator.plan.staircases import Staircases
 from coordinator.schedule.authority import EVER
 from protocol.messages import MOST_HELD, Command, Report
@@ -276,6 +276,23 @@ def test_one_that_has_passed_all_that_it_may_have_been_told_has_no_more():
     assert grants.ends.is_end_known("R1")
     assert not grants.ends.may_have_more("R1")
     assert grants.ends.halt("R1") == 7_000
+
+
+def test_one_that_is_held_for_long_stands_where_it_is_whatever_it_was_told():
+    """R2 may have been told up to 7 s by another coordinator, and stands at 2 s behind R1."""
+    line = Timeline([0.0, 5.0], [0.5, 0.5], [], [])
+    course = SimpleNamespace(driven=SimpleNamespace(timeline=line))
+    grants = Grants(staircases((0, 1, 1_000, 500)), ["R1", "R2"], HEADROOM, (course, course))
+    state(grants, 0)
+    grants.lose_sight(7_000)
+    assert grants.hear("R2", report(2_000), 2_000)
+    for now in range(2_000, 2_000 + LONG_MS, 100):
+        state(grants, now)
+        assert not grants.ends.is_end_known("R2")
+    state(grants, 2_000 + LONG_MS)
+    assert grants.ends.is_end_known("R2")
+    assert grants.ends.may_have_more("R2")
+    assert grants.ends.halt("R2") == 2_000
 
 
 @pytest.mark.parametrize(("need_ms", "fits"), [(300, True), (900, False)])
