@@ -26,7 +26,7 @@ from protocol.messages import (
     Report,
     Rest,
 )
-from protocol.phases import DONE, FREEZE, FROZEN, GO, HOLD, IDLE, PHASE_NAMES
+from protocol.phases import DONE, FREEZE, FROZEN, GO, HOLD, IDLE, PHASE_NAMES, STOP
 from protocol.plan_parts import unpack_plan
 from protocol.timing import COMMAND_PERIOD, MILLISECOND, SECOND
 from protocol.transport import Transport
@@ -246,7 +246,7 @@ class RobotService:
             self._arrived = self.agent.phase == DONE
             if not heard and now_ns - self._other_run_ns < _SILENCE_NS:
                 return ANEW
-            return self._trouble.hear(self.agent, heard, now_ns)
+            return self._trouble.hear(self.agent, heard, self._phase == STOP, now_ns)
         self._trouble.forget()
         pose = self._driver.pose()
         name, arrived = self.robot.id, self._arrived

@@ -38,6 +38,7 @@ ANEW = (
 )
 HEARS_AGAIN = "hears its coordinator again"
 HELD = "stands where its authority ends: somebody is in its way, or a place is closed"
+STOPPED = "stands: the fleet is stopped"
 GOES_ON = "drives on"
 
 
@@ -73,14 +74,16 @@ class Trouble:
         """Take in that the robot is not under way any more."""
         self._now = self._lasted = ""
 
-    def hear(self, agent: Agent, heard: bool, now_ns: int) -> str:
+    def hear(self, agent: Agent, heard: bool, stopped: bool, now_ns: int) -> str:
         """Return what keeps the robot, or that what kept it for long does not any more, or "".
 
-        `heard`: whether its coordinator is heard.
+        `heard`: whether its coordinator is heard; `stopped`: whether that has stopped the fleet.
         """
         now = ""
         if not heard and (self._lasted == DEAF or agent.phase in (MOVING, BRAKING)):
             now = DEAF
+        elif agent.phase == MOVING and agent.drive_speed < _STANDS and stopped:
+            now = STOPPED
         elif agent.phase == MOVING and agent.drive_speed < _STANDS:
             now = HELD if agent.report_late > 0 or self._now == HELD else ""
         if now != self._now:
@@ -89,7 +92,7 @@ class Trouble:
             self._lasted = now
         if now or self._lasted == DEAF:
             return now or HEARS_AGAIN
-        return GOES_ON if self._lasted == HELD and agent.phase == MOVING else ""
+        return GOES_ON if self._lasted in (HELD, STOPPED) and agent.phase == MOVING else ""
 
 
 def phase_in_words(agent: Agent, error: str) -> str:

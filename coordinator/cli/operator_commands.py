@@ -67,6 +67,7 @@ def admit(
     with ZenohTransport.connect(connect, timeout_s=patience, keys=files) as transport:
         transport.subscribe(places.command(fleet or "*"), hear)
         transport.subscribe(places.plan(fleet or "*", robot), hear)
+        transport.subscribe(places.orders(fleet or "*", "*"), hear)
         deadline, due = time.monotonic() + patience, 0.0
         while (now := time.monotonic()) < deadline:
             try:
@@ -81,7 +82,7 @@ def admit(
             asking.hear(message)
             if asking.answer:
                 break
-            if asking.waits_for != told:
+            if asking.waits_for not in (told, ""):
                 tell(asking.waits_for)
             if now >= due:
                 asking.asked()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from protocol.messages import Command, Message, Plan, Refusal
+from protocol.messages import WAITING, Command, Message, OrderState, Plan, Refusal
 from protocol.phases import COMMAND_NAMES, FREEZE, GO, OVER, STOP
 from protocol.timing import MILLISECOND
 
@@ -44,7 +44,7 @@ class Asking:
         self._asked = True
 
     def hear(self, message: Message) -> None:
-        """Take in the fleet's Command, a Plan for the robot, or a Refusal of the request."""
+        """Take in the fleet's Command, a Plan for the robot, its orders, or a Refusal."""
         if isinstance(message, Refusal):
             if message.boot == self._boot and NOT_BACK in message.reason:
                 self.waits_for = message.reason
@@ -57,6 +57,9 @@ class Asking:
                 self.admitted, self.answer = True, f"{self._robot} goes on from where it stands"
         elif isinstance(message, Command):
             self._hear_command(message)
+        elif isinstance(message, OrderState) and message.robot == self._robot:
+            is_kept = self._asked and message.state == WAITING and message.reason
+            self.waits_for = f"{message.id} waits: {message.reason}" if is_kept else ""
 
     def _hear_command(self, command: Command) -> None:
         self._frozen |= self._asked and command.phase == FREEZE

@@ -201,7 +201,6 @@ class Fleet(OperatedFleet):
         answer = self._door.hear(robot, hello, begun, now_ns)
         if answer is None or isinstance(answer, Outgoing):
             return [answer] if answer else []
-        self.outside_ns.pop(robot, None)
         return self._send_plan(answer, now_ns)
 
     def _hear_admit(self, robot: str, admit: Admit, now_ns: int) -> list[Outgoing]:

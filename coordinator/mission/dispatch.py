@@ -337,6 +337,7 @@ class Dispatcher:
         if task.joins is not None:
             self.robots[request.robot] = task.joins
             member.take_part(plan, task.joins.max_speed, fleet.epoch)
+            fleet.outside_ns.pop(request.robot, None)
             member.await_start(now_ns + _JOIN_PATIENCE)
         member.take_course(plan, request.revision, now_ns)
         return replace(asked.wish.robot, goal=task.order.goal)

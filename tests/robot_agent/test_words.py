@@ -15,6 +15,7 @@ from protocol.phases import (
     GO,
     HOLD,
     MOVING,
+    STOP,
 )
 from protocol.timing import SECOND
 from robot_agent.core.agent import Agent
@@ -24,6 +25,7 @@ from robot_agent.words import (
     HEARS_AGAIN,
     HELD,
     PATIENCE_NS,
+    STOPPED,
     Lasting,
     phase_in_words,
     waits_for,
@@ -166,6 +168,21 @@ def test_a_robot_that_may_drive_no_farther_tells_so_and_that_it_drives_on():
     assert told.count(HELD) == told.count(GOES_ON) == 1
     assert told.index("moving") < told.index(HELD) < told.index(GOES_ON)
     assert DEAF not in told
+
+
+def test_a_robot_of_a_fleet_that_is_stopped_tells_that_and_that_it_drives_on():
+    hall = Hall()
+    react = hall.react
+
+    def stop_for_a_while():
+        react()
+        if hall.phase in (GO, STOP):
+            passed = hall.clock() + 10**12 - hall.start_ns
+            hall.phase = STOP if SECOND // 4 < passed < 3 * SECOND else GO
+
+    hall.react = stop_for_a_while
+    told = [line.removeprefix(f"{ME}: ") for line in told_until(hall, 10.0)]
+    assert [line for line in told if line in (HELD, STOPPED, GOES_ON)] == [STOPPED, GOES_ON]
 
 
 def test_a_robot_that_arms_at_once_tells_its_phases_alone():

@@ -4,7 +4,7 @@ import pytest
 from msgspec.structs import replace
 
 from coordinator.fleet.admit_outcome import NOT_BACK, Asking
-from protocol.messages import Command, Plan, Refusal
+from protocol.messages import UNDER_WAY, WAITING, Command, OrderState, Plan, Refusal
 from protocol.phases import FREEZE, GO, HOLD, OVER, STOP
 from protocol.timing import SECOND
 
@@ -105,3 +105,11 @@ def test_who_asks_while_the_fleet_is_stopped_is_told_what_the_robot_waits_for():
     assert asking.waits_for == "the fleet is stopped; R2 gets a course when it goes on"
     asking.hear(command(GO, 1))
     assert (asking.waits_for, asking.answer) == ("", "")
+
+
+def test_a_robot_that_is_admitted_and_waits_for_others_is_told_with_them():
+    waits = OrderState("way-1", WAITING, "R2", released_ms=5, reason="R2 waits for R3")
+    asking = asked(waits, replace(waits, id="way-2", robot="R1"))
+    assert (asking.answer, asking.waits_for) == ("", "way-1 waits: R2 waits for R3")
+    asking.hear(replace(waits, state=UNDER_WAY, reason=""))
+    assert (asking.answer, asking.waits_for) == ("", "")

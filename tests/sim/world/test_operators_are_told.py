@@ -29,6 +29,7 @@ from protocol.messages import (
 )
 from protocol.messages import Order as Said
 from protocol.phases import IDLE, OFF_PATH
+from protocol.timing import SECOND
 from sim.world.fault_text import Fault
 from sim.world.run_logs import RunLogs
 from tests.scenarios import a_robot, a_scenario, box
@@ -338,3 +339,22 @@ def test_who_is_held_by_one_that_stands_before_a_closed_place_is_told_so():
         world.run(1.0)
         said.add(missing_in_words(world.fleet, world.now_ns))
     assert "R2: held by R1, which stands before a closed place" in said
+
+
+def test_a_robot_that_was_taken_out_and_could_not_join_again_still_counts_as_heard_outside():
+    world = a_hall()
+    say = operator(world)
+    world.run(4.0)
+    say(Leave(9, "R2"))
+    world.run(2.0)
+    assert world.now_ns - world.fleet.outside_ns["R2"] < SECOND
+    world.renew("R2", 78, (1.0, 6.0, 0.0))
+    say(Join(9, "R2", (1.2, 1.0, 0.0), 0.2, 0.8))
+    world.run(3.0)
+    assert states(world)["join-R2"] == REFUSED
+    assert "R2" not in world.fleet.members
+    assert world.now_ns - world.fleet.outside_ns["R2"] < SECOND
+    say(Join(9, "R2", (1.0, 6.0, 0.0), 0.2, 0.8))
+    world.run(3.0)
+    assert "R2" in world.fleet.members
+    assert world.fleet.outside_ns == {}
