@@ -11,9 +11,10 @@ robots' times.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -35,6 +36,7 @@ _LONGEST: Final = 1.02
 """A curve longer than this many times its polygon is made again without moving corners."""
 _SHARE: Final = 0.45
 """The greatest share of a leg over which `smooth_near` rounds the corner at its end."""
+_NOT_NARROW: Final[Mapping[tuple[float, float], float]] = MappingProxyType({})
 _ALONG: Final = 1e-5
 """A way that turns by less than twice this [rad] at a vertex is straight there."""
 _NEAR_END: Final = 1.5
@@ -77,14 +79,16 @@ def smooth_near(
     exact: Flags,
     space: Space,
     cut: float,
-    narrow: Collection[tuple[float, float]] = (),
+    narrow: Mapping[tuple[float, float], float] = _NOT_NARROW,
     headed: tuple[bool, bool] = (False, False),
 ) -> tuple[Nurbs, Array]:
     """Return the cubic curve along a polygon (n, 2) [m] that cuts its corners by at most `cut` [m].
 
     Beside it, the parameters at which it passes the exact vertices.  exact (n,): vertices that it
     passes exactly; narrow: vertices beside which others may be, so that sharp turns there lead
-    hardly beyond them; headed: as for `smooth`.  Raises PlanError if a turn has no room.
+    hardly beyond them, and by how much at most corners are cut there [m] if the curve passes them
+    exactly, since it swings out beside them; headed: as for `smooth`.  Raises PlanError if a turn
+    has no room.
     """
     polygon, exact = _without_straight(polygon, exact, headed)
     blunted, passed = blunt(polygon, exact, space, headed, 0.0, narrow, swings=False)
@@ -95,7 +99,9 @@ def smooth_near(
     # A corner that turns by theta, rounded over d, is cut by d / 3 * sin(theta / 2).
     halves = 0.5 * np.hypot(*np.diff(legs / sizes[:, None], axis=0).T)
     room = _SHARE * np.minimum(sizes[:-1], sizes[1:])
-    wide = np.minimum(3.0 * cut / np.maximum(halves, 1e-9), room)
+    there = [narrow.get((float(x), float(y)), cut) for x, y in polygon[1:-1]]
+    cuts = np.where(exact[1:-1], there, cut)
+    wide = np.minimum(3.0 * cuts / np.maximum(halves, 1e-9), room)
     wide = np.concatenate(([0.0], wide, [0.0]))
     # Where the way is straight the curve passes a vertex: no rounding of a corner reaches there.
     kept = np.concatenate(([True], halves > _ALONG, [True]))

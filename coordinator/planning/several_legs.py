@@ -12,11 +12,11 @@ searched, the proof.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 import shapely
@@ -30,7 +30,7 @@ from coordinator.motion.velocity_profile import Motion, Wait
 from coordinator.paths.end_headings import check_headings
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.paths.smoothing import smooth_near
-from coordinator.paths.spline_fit import lengths_along
+from coordinator.paths.spline_fit import Flags, lengths_along
 from coordinator.places.early_moves import early_moves
 from coordinator.places.move_kernels import SOLVED, Indices
 from coordinator.places.moves import find_moves
@@ -42,6 +42,13 @@ from coordinator.schedule.track import Track
 
 _CUT: Final = 0.4 * ROOM
 """Corners are cut by at most this much [m], so that two robots do not use up the edges' room."""
+
+_FINER_CUTS: Final = (0.3 * _CUT, 0.1 * _CUT, 1e-4)
+"""The same [m] where a path would swing out towards robots that are as near as they may be."""
+
+_BESIDE: Final = np.linspace(-0.08, 0.08, 33)
+_SWING: Final = 1e-4
+"""A path may swing out by this much [m] within this distance [m] of such a place."""
 
 _CHORD: Final = 0.02
 """The length [m] of the chords in place of a curve that a robot has to keep to."""
@@ -214,16 +221,23 @@ def _legs(
     ]
 
 
-def _tight(scenario: Scenario) -> set[tuple[float, float]]:
-    """Return the starts and goals that are hardly farther apart than robots at them have to be.
+Tight: TypeAlias = dict[tuple[float, float], Array]
+"""Starts and goals (x, y) [m] that are hardly farther apart than robots at them have to be; for
+each, the others that are near (k, 3): x, y, and what a robot's centre keeps from them besides its
+radius [m].  Elsewhere edges have ROOM to spare."""
 
-    Elsewhere edges have ROOM to spare.
-    """
+
+def _tight(scenario: Scenario) -> Tight:
     ends = np.array([place[:2] for one in scenario.robots for place in (one.start, one.goal)])
     radii = np.repeat([one.radius for one in scenario.robots], 2)
     apart, need = cdist(ends, ends), radii[:, None] + radii + scenario.margin + ROOM
     near = (apart > 0.0) & (apart < need)
-    return {(float(x), float(y)) for x, y in ends[near.any(axis=1)]}
+    reaches = np.column_stack((ends, radii + scenario.margin))
+    return {
+        (float(x), float(y)): reaches[others]
+        for (x, y), others in zip(ends, near, strict=True)
+        if others.any()
+    }
 
 
 def _driven(graph: Graph, found: Indices) -> Moves:
@@ -342,7 +356,7 @@ def _along(
     finder: Pathfinder,
     index: int,
     legs: list[Leg],
-    tight: Collection[tuple[float, float]],
+    tight: Tight,
 ) -> Legs:
     """Return the path along a robot's legs; a robot without legs keeps its place."""
     if not legs:
@@ -358,11 +372,39 @@ def _along(
         last[-1] += 1
     exact = np.zeros(len(vertices), dtype=np.bool_)
     exact[[0, -1, *(int(last[rest - 1]) for rest in rests)]] = True
-    curve, u = smooth_near(vertices, exact, finder.space(robot), _CUT, tight, headed)
+    space, cuts = finder.space(robot), dict.fromkeys(tight, _CUT)
+    curve, u = smooth_near(vertices, exact, space, _CUT, cuts, headed)
+    for cut in _FINER_CUTS:
+        swings = _swings_at(robot, curve, u, vertices, exact, tight)
+        if not swings:
+            break
+        cuts |= dict.fromkeys(swings, cut)
+        curve, u = smooth_near(vertices, exact, space, _CUT, cuts, headed)
     check_headings(robot, curve)
     along = lengths_along(vertices)
     ends = np.interp(along[last], along[exact], curve.arc_at(u))
     return Legs(curve, legs, ends.tolist(), rests)
+
+
+def _swings_at(
+    robot: Robot, curve: Nurbs, u: Array, vertices: Array, exact: Flags, tight: Tight
+) -> list[tuple[float, float]]:
+    """Return the tight places at which a path comes too near to others, and its polygon does not.
+
+    u: the parameters at which the path passes the exact vertices of its polygon (n, 2) [m].
+    """
+    found, along = [], lengths_along(vertices)
+    for k, here in zip(np.flatnonzero(exact).tolist(), u.tolist(), strict=True):
+        x, y = vertices[k].tolist()
+        others = tight.get((x, y))
+        if others is None:
+            continue
+        way = np.column_stack([np.interp(along[k] + _BESIDE, along, axis) for axis in vertices.T])
+        path = curve.derivatives(np.clip(here + _BESIDE, curve.knots[0], curve.knots[-1]), 0)[0]
+        apart, planned = (cdist(one, others[:, :2]).min(axis=0) for one in (path, way))
+        if (apart < np.minimum(others[:, 2] + robot.radius, planned) - _SWING).any():
+            found.append((x, y))
+    return found
 
 
 def _beside(pose: Sequence[float], ahead: float) -> tuple[float, float]:

@@ -144,13 +144,11 @@ class RobotList {
     this.sift();
   }
 
-  /** Where a robot stands in the list: those in trouble on top, then, of many, the chosen one; the first
-   * of those in trouble if it is one of them. */
+  /** Where a robot stands in the list: those in trouble on top, then, of many, the chosen one. */
   place(index, state, troubled) {
-    const isChosen = this.many && index === this.focus;
-    if (state === "unheard" || troubled.has(index)) return isChosen ? -1 : 0;
-    if (!this.many) return 2;
-    if (isChosen) return 1;
+    const first = this.many && index === this.focus ? 1 : 0;
+    if (state === "unheard" || troubled.has(index)) return -first;
+    if (first || !this.many) return 2 - first;
     return byId("trouble").checked ? 2 + rank(state) : 2 + TROUBLE.length;
   }
 

@@ -65,7 +65,7 @@ def test_a_robot_gives_way_aside_where_waiting_takes_longer(monkeypatch):
     assert bent.course.driven.curve.length > waits.course.driven.curve.length
 
 
-@pytest.mark.parametrize(("seed", "index"), [(3, 11), (5, 0), (6, 5)])
+@pytest.mark.parametrize(("seed", "index"), [(3, 11), (6, 5)])
 def test_between_rooms_a_robot_arrives_earlier_on_a_finer_mesh(monkeypatch, seed, index):
     floor = generate("rooms", 24, seed)
     plan, others = courses_of(floor)

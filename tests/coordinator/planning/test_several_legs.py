@@ -2,11 +2,13 @@
 
 import math
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
 from benchmarks.movingai_maps import drawn
 from coordinator.exchange.movingai import Bodies, scenario_of
+from coordinator.paths.path_planner import Pathfinder
 from coordinator.plan.plan_file import to_json
 from coordinator.planning import planner, several_legs
 from coordinator.planning.planner import plan_scenario
@@ -236,3 +238,21 @@ def test_robots_make_room_around_corners_where_one_stands_flush_with_a_wall(off)
     document = plan_scenario(scenario)
     assert document.proof.holds
     assert complaints(to_json(document), scenario) == []
+
+
+def test_a_path_that_rests_beside_a_goal_as_near_as_may_be_swings_out_no_nearer():
+    """R1 turns at a start that is hardly farther from R2's goal than the two have to be apart."""
+    beside = (1.0 + 2.0 * RADIUS + 0.05 + 1e-4, 1.0)
+    robots = (robot("R1", (0.5, 1.0), (1.0, 2.0)), robot("R2", (3.0, 0.5), beside))
+    robots += (robot("R3", (1.0, 1.0), (3.0, 2.0)),)
+    floor = Workspace(boundary=((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)))
+    scenario = Scenario(name="near", workspace=floor, robots=robots, margin=0.05)
+    ways = [np.array([(0.5, 1.0), (1.0, 1.0)]), np.array([(1.0, 1.0), (1.0, 2.0)])]
+    legs = [several_legs.Leg(k, way, {1: (0, 0.0)}) for k, way in enumerate(ways)]
+    nearest = []
+    for tight in ({}, several_legs._tight(scenario)):
+        found = several_legs._along(robots[0], Pathfinder(scenario), 0, legs, tight)
+        places = found.path.at_arc(np.linspace(0.0, found.path.length, 3001))
+        nearest.append(float(np.hypot(*(places - beside).T).min()))
+    assert nearest[0] < 0.449
+    assert nearest[1] > 0.45 - 2e-4
