@@ -93,10 +93,8 @@ class RobotList {
   constructor(list, play, choose, hover) {
     this.bodies = play.scene.robots;
     this.rows = this.bodies.map((body, index) => {
-      const swatch = element("span", { className: "swatch" });
-      const state = element("span", { className: "state" });
-      const speed = element("span", { className: "number" });
-      const bar = element("span", { className: "bar" });
+      const [swatch, state, speed, bar] = ["swatch", "state", "number", "bar"]
+        .map((className) => element("span", { className }));
       const button = element("button", { type: "button" },
         swatch, element("span", { className: "id", textContent: body.id }), state, speed,
         element("span", { className: "track" }, bar));
