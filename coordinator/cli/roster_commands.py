@@ -15,6 +15,7 @@ from coordinator.cli.option_checks import if_given, named, numbers_of, place_of,
 from coordinator.service.key_option import Keys
 from protocol import keys as places
 from protocol.messages import CANCELLED, ORDER_DONE, REFUSED, Join, Leave, OrderState
+from protocol.phases import STOP
 
 commands = typer.Typer()
 
@@ -104,6 +105,8 @@ def _ask(line: FleetLine, answer: str, message: Join | Leave) -> None:
     if state is None:
         raise line.unanswered()
     late = "is its program running, and newer than when it was last in the fleet?"
+    if line.phase == STOP:
+        late = "the fleet is stopped: it joins when the fleet goes on (`splinefleet resume`)"
     why = "was cancelled" if state.state == CANCELLED else f"has not joined yet; {late}"
     tell(state.reason or f"{message.robot} {why}", "red")
     raise typer.Exit(1)
