@@ -339,19 +339,20 @@ class MissionDriver:
         state holds without those that were given up before.
         """
         self._record_given_up(now_ns)
-        must_not, must = False, False
+        logged_first = only_if_logged = False
         for message in messages:
             self._record(message.key, message.payload, now_ns)
-            must_not |= self._is_new_plan(message)
-            must |= self._is_answer(message)
+            only_if_logged |= self._is_new_plan(message)
+            logged_first |= self._is_answer(message)
         if is_new_epoch:
             self.checkpoint(now_ns)
         if messages and self._phase != (self.fleet.epoch, self.fleet.phase):
             self._phase = (self.fleet.epoch, self.fleet.phase)
-            must, must_not = True, must_not or self.fleet.phase in (HOLD, GO)
-        if must or must_not:
+            logged_first = True
+            only_if_logged |= self.fleet.phase in (HOLD, GO)
+        if logged_first or only_if_logged:
             is_logged = self._journal.sync()
-            self.is_withheld |= must_not and not is_logged
+            self.is_withheld |= only_if_logged and not is_logged
         if not self.is_withheld:
             for message in messages:
                 self._send(message.key, message.payload)
