@@ -24,3 +24,8 @@ def seeds(count: int) -> range:
 def enough(count: int) -> int:
     """Return how many cases of a kind a sweep has to meet, of `count` that all seeds have to."""
     return count // _step
+
+
+def are_whole() -> bool:
+    """Return whether every seed is visited, so that heavy cases may be, too."""
+    return _step == 1

@@ -21,7 +21,7 @@ LATELY_MS: Final = 1_000
 """A robot that has got on within this time gets on."""
 
 LONG_MS: Final = 5_000
-"""A robot that is held for this long has used up what it was told: it stands."""
+"""A robot that is held for this long counts as standing: it had time to use up its authority."""
 
 _STEPS: Final = 2
 """A robot gets on when its known progress has grown by this many steps of lateness."""

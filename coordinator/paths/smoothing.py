@@ -14,7 +14,6 @@ import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -36,7 +35,6 @@ _LONGEST: Final = 1.02
 """A curve longer than this many times its polygon is made again without moving corners."""
 _SHARE: Final = 0.45
 """The greatest share of a leg over which `smooth_near` rounds the corner at its end."""
-_NOT_NARROW: Final[Mapping[tuple[float, float], float]] = MappingProxyType({})
 _ALONG: Final = 1e-5
 """A way that turns by less than twice this [rad] at a vertex is straight there."""
 _NEAR_END: Final = 1.5
@@ -79,7 +77,7 @@ def smooth_near(
     exact: Flags,
     space: Space,
     cut: float,
-    narrow: Mapping[tuple[float, float], float] = _NOT_NARROW,
+    narrow: Mapping[tuple[float, float], float],
     headed: tuple[bool, bool] = (False, False),
 ) -> tuple[Nurbs, Array]:
     """Return the cubic curve along a polygon (n, 2) [m] that cuts its corners by at most `cut` [m].

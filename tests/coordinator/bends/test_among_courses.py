@@ -17,6 +17,7 @@ from coordinator.planning.wish import Site, Wish
 from sim.floors.generator import generate
 from tests.coordinator.planning.test_course_proposal import assert_keeps_apart
 from tests.scenarios import a_robot, a_scenario
+from tests.sweeps import are_whole
 
 HALL = a_scenario(
     [a_robot("R1", (1.0, 4.0), (1.5, 4.0)), a_robot("R2", (9.0, 4.0), (2.6, 4.0))], tau=0.6
@@ -65,7 +66,11 @@ def test_a_robot_gives_way_aside_where_waiting_takes_longer(monkeypatch):
     assert bent.course.driven.curve.length > waits.course.driven.curve.length
 
 
-@pytest.mark.parametrize(("seed", "index"), [(3, 11), (6, 5)])
+HEAVY = [(5, 0)] if are_whole() else []
+"""It takes a minute and more."""
+
+
+@pytest.mark.parametrize(("seed", "index"), [(3, 11), (6, 5), *HEAVY])
 def test_between_rooms_a_robot_arrives_earlier_on_a_finer_mesh(monkeypatch, seed, index):
     floor = generate("rooms", 24, seed)
     plan, others = courses_of(floor)

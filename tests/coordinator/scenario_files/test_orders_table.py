@@ -12,6 +12,7 @@ from coordinator.scenario.model import Demand, Order
 from coordinator.scenario_files.scenario_reader import parse_scenario, scenario_to_json
 from coordinator.scenario_files.toml_writer import scenario_to_toml
 from tests.scenarios import a_robot, a_scenario, box
+from tests.sweeps import are_whole
 
 TOML = b"""
 [workspace]
@@ -265,7 +266,7 @@ def test_any_orders_and_demand_read_back_equal_from_toml_and_json(scenario):
     assert parse_scenario(scenario_to_json(scenario), "again.json") == scenario
 
 
-@settings(derandomize=True, max_examples=80, deadline=None)
+@settings(derandomize=True, max_examples=200 if are_whole() else 80, deadline=None)
 @given(data=st.data())
 def test_a_table_with_anything_in_it_is_read_or_refused(data):
     document = copy.deepcopy(DOCUMENT)
