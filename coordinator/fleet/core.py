@@ -434,11 +434,11 @@ class Fleet(OperatedFleet):
         return [
             one
             for one in moving
-            if one.id not in grants.given_up
-            and (
-                (one.id in stuck and not one.is_new and (are_orders or not one.lost))
-                or (one.lost and grants.standstills.behind([one.id]))
+            if (
+                one.id not in grants.given_up
+                and (one.id in stuck and not one.is_new and (are_orders or not one.lost))
             )
+            or (one.lost and not grants.is_over(one.id) and grants.standstills.behind([one.id]))
         ]
 
     def _lose_silent(self, moving: list[Member], now_ns: int) -> None:

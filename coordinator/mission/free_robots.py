@@ -91,8 +91,9 @@ class FreeRobots:
             if robot in does:
                 task.reason = f"{robot} does {does[robot]} first"
             elif robot and robot not in idle:
-                stops = self.what_stops(robot, now_ns)
-                if stops or task.order.id not in tried:
+                stops, member = self.what_stops(robot, now_ns), members[robot]
+                may_go_on = member.is_fit and not member.lost and member.is_heard(now_ns)
+                if task.order.id not in tried or (stops and not may_go_on):
                     task.reason = f"{robot} {stops or 'has not arrived yet'}"
             elif not robot and not idle:
                 task.reason = "no robot is free"

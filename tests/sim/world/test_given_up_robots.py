@@ -234,6 +234,27 @@ def test_a_robot_whose_course_was_withdrawn_gets_another_though_nobody_moves(tmp
     assert_sound(world, logs)
 
 
+def test_one_stopped_on_the_next_course_of_a_lost_robot_gets_away(tmp_path):
+    """R1 was given up, got a course across that of R2, and is lost before it begins it."""
+    orders = (
+        Order(id="far", goal=(11.0, 4.0), robot="R1", release=1.0),
+        Order(id="down", goal=(7.0, 1.0), robot="R2", release=3.0),
+    )
+    robots = [idle("R1", (1.0, 4.0)), idle("R2", (7.0, 7.0))]
+    faults = ["driver-error:R1@4", "driver-error:R2@9"]
+    world, logs = a_fleet(tmp_path, robots, orders, faults)
+    world.run(4.4)
+    while (coming := world.fleet.grants.of("R1").next) is None or coming.is_withdrawn:
+        world.step()
+    world.strike(Fault("kill", "R1", 1.0, 0.0))
+    world.run(7.0)
+    assert world.fleet.orders.tasks["down"].reason == "waits for R1"
+    world.run(53.0)
+    logs.close()
+    assert states(world)["down"] == ORDER_DONE
+    assert_sound(world, logs)
+
+
 def test_a_lost_robot_with_two_unnamed_orders_stops_nobody(tmp_path):
     orders = (Order(id="a", goal=(8.0, 1.0)), Order(id="b", goal=(8.0, 5.0)))
     world, logs = a_fleet(tmp_path, [idle("R1", (1.0, 1.0))], orders, stays=False)
