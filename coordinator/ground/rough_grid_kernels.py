@@ -25,18 +25,27 @@ _FROM_GOAL: Final = 3
 
 @compiled
 def _marks(open_cells: Flags, closing: Array) -> Marks:
-    """Return 1 for each open cell with its centre in no disc, 0 for the others."""
+    """Return 1 for each open cell with its centre in no disc, 0 for the others, with a border of 0.
+
+    Flat, row by row of columns + 2 cells.
+    """
     rows, columns = open_cells.shape
-    marks = open_cells.astype(np.int8)
+    marks = np.zeros((rows + 2, columns + 2), np.int8)
+    for row in range(rows):
+        for column in range(columns):
+            marks[row + 1, column + 1] = open_cells[row, column]
     for k in range(len(closing)):
         x, y, radius = closing[k]
         if radius <= 0.0:
             continue
         for row in range(max(int(y - radius), 0), min(int(y + radius) + 1, rows)):
-            for column in range(max(int(x - radius), 0), min(int(x + radius) + 1, columns)):
-                if math.hypot(column + 0.5 - x, row + 0.5 - y) < radius:
-                    marks[row, column] = 0
-    return marks
+            half = radius * radius - (row + 0.5 - y) ** 2
+            if half > 0.0:
+                half = math.sqrt(half)
+                first = max(math.ceil(x - half - 0.5), 0)
+                last = min(math.floor(x + half - 0.5), columns - 1)
+                marks[row + 1, first + 1 : last + 2] = 0
+    return marks.ravel()
 
 
 @compiled
@@ -44,24 +53,30 @@ def connected(open_cells: Flags, ends: Indices, closing: Array) -> bool:
     """Return whether cells ends (2, 2: column, row) are connected by open ones, or diagonally.
 
     open_cells (rows, columns).  Cells with their centre in a disc of closing (k, 3: x, y, radius;
-    in cells) are not open.
+    in cells) are not open.  The ends are.
     """
-    rows, columns = open_cells.shape
+    width = open_cells.shape[1] + 2
     marks = _marks(open_cells, closing)
-    mine, theirs, mark = [(ends[0, 0], ends[0, 1])], [(ends[1, 0], ends[1, 1])], _FROM_START
-    marks[ends[1, 1], ends[1, 0]] = _FROM_GOAL
-    if marks[ends[0, 1], ends[0, 0]] == _FROM_GOAL:
+    around = np.array((-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1))
+    start, goal = (ends[:, 1] + 1) * width + ends[:, 0] + 1
+    if start == goal:
         return True
-    marks[ends[0, 1], ends[0, 0]] = _FROM_START
-    while mine:
-        column, row = mine.pop()
-        for r in range(max(row - 1, 0), min(row + 2, rows)):
-            for c in range(max(column - 1, 0), min(column + 2, columns)):
-                if marks[r, c] == _FROM_START + _FROM_GOAL - mark:
-                    return True
-                if marks[r, c] == 1:
-                    marks[r, c] = mark
-                    mine.append((c, r))
-        if mine:  # Both ends are searched in turn: the smaller part decides how long it takes.
+    marks[start], marks[goal] = _FROM_START, _FROM_GOAL
+    mine, theirs = np.empty(len(marks), np.int32), np.empty(len(marks), np.int32)
+    mine[0], theirs[0] = start, goal
+    count, other_count, mark = 1, 1, _FROM_START
+    while count:
+        count -= 1
+        cell = mine[count]
+        for step in around:
+            near = cell + step
+            if marks[near] == _FROM_START + _FROM_GOAL - mark:
+                return True
+            if marks[near] == 1:
+                marks[near] = mark
+                mine[count] = near
+                count += 1
+        if count:  # Both ends are searched in turn: the smaller part decides how long it takes.
             mine, theirs, mark = theirs, mine, _FROM_START + _FROM_GOAL - mark
+            count, other_count = other_count, count
     return False

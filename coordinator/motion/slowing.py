@@ -33,7 +33,7 @@ def slowed(limits: SpeedLimits, stretches: Iterable[Slow]) -> SpeedLimits:
 
     The new ceiling is nowhere steeper than the acceleration allows.
     """
-    s, w = (np.array(values) for values in limits.ceiling)
+    s, w = limits.ceiling[:2]
     changed = False
     for begin, end, speed in stretches:
         begin, end = max(begin, 0.0), min(end, limits.length)

@@ -7,11 +7,9 @@ every piece has constant acceleration (Eq. 15-18 with the true speed).  Must not
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -19,6 +17,13 @@ import numpy as np
 from coordinator.curves.interpolation_kernels import between
 from coordinator.curves.nurbs import Array, Nurbs
 from coordinator.motion.message_room import MOST_SPEEDS, ROOM, path_bytes, speed_bytes
+from coordinator.motion.profile_kernels import (
+    SHORTEST_RAMP,
+    Limits,
+    motion_knots,
+    times_left,
+    times_reached,
+)
 from coordinator.motion.profile_simplification_kernels import merged, reachable
 from coordinator.motion.speed_cap import cap_on
 
@@ -34,9 +39,6 @@ A control loop of 100 Hz that turns farther than 0.2 rad in one tick cannot keep
 _RAMP: Final = 0.01
 """Length [m] of the speed change at a bend for robots without a limit on acceleration."""
 
-_SHORTEST_RAMP: Final = 2e-5
-"""Least length [m] of a ramp from rest to speed: its ends must differ as float32 on the wire."""
-
 _PLACE_ERROR: Final = 2e-5
 """By how much [m] the place of a sharp bend may be wrong, since float32 rounds places."""
 
@@ -45,9 +47,6 @@ _CRAWL: Final = 0.05
 
 _SAME_SHARE: Final = 1e-6
 """Share of v^2 that rounding may take."""
-
-_SAME_PLACE: Final = 1e-6
-"""Knots nearer to each other than this [m] are merged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,23 +67,19 @@ class SpeedLimits:
         """Acceleration [m/s^2] that is used: the limit, or a steep ramp's if there is none."""
         if math.isinf(self.accel):
             return self.top / (2.0 * _RAMP)
-        return min(self.accel, self.top / (2.0 * _SHORTEST_RAMP))
+        return min(self.accel, self.top / (2.0 * SHORTEST_RAMP))
 
     @cached_property
-    def ceiling(self) -> tuple[list[float], list[float]]:
-        """Knots of the highest v^2 allowed, with or without bends: s [m], v^2."""
-        knots = self.bends or ((0.0, self.top), (self.length, self.top))
-        return [s for s, _ in knots], [w for _, w in knots]
+    def ceiling(self) -> Array:
+        """Knots of the highest v^2 allowed, with or without bends, as profile_kernels has it."""
+        s, w = np.array(self.bends or ((0.0, self.top), (self.length, self.top))).T
+        along = 2.0 * self.ramp * s
+        return np.stack((s, w, along - w, along + w))
 
-    @cached_property
-    def rises(self) -> list[float]:
-        """For each knot of the ceiling: 2 `ramp` s of the place where a ramp up to it begins."""
-        return [2.0 * self.ramp * s - w for s, w in zip(*self.ceiling, strict=True)]
-
-    @cached_property
-    def falls(self) -> list[float]:
-        """For each knot of the ceiling: 2 `ramp` s of the place where a ramp down from it ends."""
-        return [2.0 * self.ramp * s + w for s, w in zip(*self.ceiling, strict=True)]
+    @property
+    def in_short(self) -> Limits:
+        """These limits for profile_kernels."""
+        return float(self.top), float(self.accel), float(self.ramp)
 
 
 def limits_on(
@@ -153,74 +148,15 @@ def least_time(
     return float((2.0 * np.diff(s) / np.where(both > 0.0, both, 1.0)).sum())
 
 
-def speed_knots(limits: SpeedLimits, begin: float, end: float) -> tuple[list[float], list[float]]:
-    """Return the fastest motion from rest at `begin` to rest at `end`: knots s [m] and v^2.
-
-    Robots without a limit on acceleration have full speed everywhere, even at both ends.
-    """
-    places, heights = limits.ceiling
-    low, high = ramp_ends(limits, begin)[1], ramp_ends(limits, end)[0]
-    if math.isfinite(limits.accel) and low >= high:
-        middle = 0.5 * (begin + end)
-        peak = min(limits.ramp * (end - begin), _between(places, heights, middle))
-        return [begin, middle, end], [0.0, peak, 0.0]
-    inner = slice(bisect_right(places, low), bisect_left(places, high))
-    s = [low, *places[inner], high]
-    w = [_between(places, heights, low), *heights[inner], _between(places, heights, high)]
-    if math.isfinite(limits.accel):
-        s, w = [begin, *s, end], [0.0, *w, 0.0]
-    return _distinct(s, w)
-
-
 def all_ramp_ends(limits: SpeedLimits, rests: Array) -> Array:
-    """Return the `ramp_ends` (n, 2) [m] of many rests (n,) [m]."""
+    """Return where [m] ramps down to rests (n,) leave the ceiling and ramps up meet it, (n, 2)."""
     if math.isinf(limits.accel):
         return np.column_stack((rests, rests))
-    rate, little, places = 2.0 * limits.ramp, 1e-9 * limits.top, np.array(limits.ceiling[0])
-    down = between(np.array(limits.falls), places, rate * rests - little)
-    up = between(np.array(limits.rises), places, rate * rests + little)
-    down = np.minimum(down, rests - _SHORTEST_RAMP)
-    return np.column_stack((down, np.maximum(up, rests + _SHORTEST_RAMP)))
-
-
-def ramp_ends(limits: SpeedLimits, rest: float) -> tuple[float, float]:
-    """Return where [m] the ramp down to a rest leaves the ceiling, and where the ramp up meets it.
-
-    The ceiling is nowhere steeper than the ramps, so each ramp meets it once.
-    """
-    if math.isinf(limits.accel):
-        return rest, rest
-    # The small shift picks the edge's end where the ceiling is exactly as steep as a ramp.
-    rate, little, places = 2.0 * limits.ramp, 1e-9 * limits.top, limits.ceiling[0]
-    down = _between(limits.falls, places, rate * rest - little)
-    up = _between(limits.rises, places, rate * rest + little)
-    return min(down, rest - _SHORTEST_RAMP), max(up, rest + _SHORTEST_RAMP)
-
-
-def _between(known: list[float], values: list[float], at: float) -> float:
-    """Interpolate linearly between `known` places, which increase, and their values."""
-    k = bisect_left(known, at, 1, len(known) - 1)
-    part = (at - known[k - 1]) / (known[k] - known[k - 1])
-    return values[k - 1] + min(max(part, 0.0), 1.0) * (values[k] - values[k - 1])
-
-
-def _distinct(s: list[float], w: list[float]) -> tuple[list[float], list[float]]:
-    """Merge knots at the same place, with the lower speed, and drop those on a straight line."""
-    kept_s, kept_w = s[:1], w[:1]
-    same = 1e-9 * max(w)
-    for here, height in zip(s[1:], w[1:], strict=True):
-        if here - kept_s[-1] < _SAME_PLACE:
-            kept_w[-1] = min(kept_w[-1], height)
-            continue
-        if len(kept_s) > 1:
-            rise = (height - kept_w[-2]) / (here - kept_s[-2])
-            if abs(kept_w[-2] + rise * (kept_s[-1] - kept_s[-2]) - kept_w[-1]) < same:
-                kept_s.pop()
-                kept_w.pop()
-        kept_s.append(here)
-        kept_w.append(height)
-    kept_s[-1] = s[-1]
-    return kept_s, kept_w
+    rate, little, (places, _, rises, falls) = 2.0 * limits.ramp, 1e-9 * limits.top, limits.ceiling
+    down = between(falls, places, rate * rests - little)
+    up = between(rises, places, rate * rests + little)
+    down = np.minimum(down, rests - SHORTEST_RAMP)
+    return np.column_stack((down, np.maximum(up, rests + SHORTEST_RAMP)))
 
 
 @dataclass(frozen=True)
@@ -243,27 +179,17 @@ class Motion:
     def __init__(self, limits: SpeedLimits, waits: list[Wait]) -> None:
         self.limits = limits
         self.waits = waits
-        self.arrivals: list[float] = []
-        places = [wait.s for wait in waits if wait.s > 0.0]
-        borders = [0.0, *places, limits.length]
         departs = {wait.s: wait.depart for wait in waits}
-        knots_s: list[float] = []
-        knots_w: list[float] = []
-        knots_t: list[float] = []
-        now = 0.0
-        for begin, end in pairwise(borders):
-            self.arrivals.append(now)
-            now = max(now, departs.get(begin, 0.0))
-            leg_s, leg_w = speed_knots(limits, begin, end)
-            knots_s += leg_s
-            knots_w += leg_w
-            knots_t.append(now)
-            for (s0, s1), (w0, w1) in zip(pairwise(leg_s), pairwise(leg_w), strict=True):
-                now += 2.0 * (s1 - s0) / (math.sqrt(w0) + math.sqrt(w1))
-                knots_t.append(now)
-        self.finish = now
-        self.knots_s, self.knots_w = np.array(knots_s), np.array(knots_w)
-        self.knots_t = np.array(knots_t)
+        rests = [0.0, *(wait.s for wait in waits if wait.s > 0.0), limits.length]
+        knots, arrivals = motion_knots(
+            limits.ceiling,
+            limits.in_short,
+            np.array(rests),
+            np.array([departs.get(place, 0.0) for place in rests[:-1]]),
+        )
+        self.knots_s, self.knots_w, self.knots_t = knots
+        self.arrivals: list[float] = arrivals[:-1].tolist()
+        self.finish = float(arrivals[-1])
 
     def place_at(self, time: float) -> float:
         """Return where the robot is at a plan time [s], as arc length [m]; 0 before its start."""
@@ -298,19 +224,8 @@ class Motion:
 
     def reached(self, s: Array) -> Array:
         """Return the times [s] at which the robot reaches s (m,) [m]; -inf at its start."""
-        leg = np.clip(np.searchsorted(self.knots_s, s, side="left") - 1, 0, None)
-        return np.where(s <= 0.0, -np.inf, self._time(leg, s))
+        return times_reached(self.knots_s, self.knots_w, self.knots_t, s)
 
     def left(self, s: Array) -> Array:
         """Return the times [s] at which the robot leaves s (m,) [m]; +inf at its goal."""
-        last = len(self.knots_s) - 2
-        leg = np.clip(np.searchsorted(self.knots_s, s, side="right") - 1, 0, last)
-        return np.where(s >= self.limits.length, np.inf, self._time(leg, s))
-
-    def _time(self, leg: np.ndarray[tuple[int, ...], np.dtype[np.intp]], s: Array) -> Array:
-        s0, s1 = self.knots_s[leg], self.knots_s[leg + 1]
-        w0, w1 = self.knots_w[leg], self.knots_w[leg + 1]
-        passed = np.clip(s - s0, 0.0, s1 - s0)
-        here = np.sqrt(np.maximum(w0 + passed / np.maximum(s1 - s0, 1e-12) * (w1 - w0), 0.0))
-        both = np.sqrt(w0) + here
-        return np.asarray(self.knots_t[leg] + 2.0 * passed / np.where(both > 0.0, both, 1.0))
+        return times_left(self.knots_s, self.knots_w, self.knots_t, s, self.limits.length)

@@ -29,7 +29,8 @@ from coordinator.paths.end_heading_choice import COMFORTABLE, Leads, choices
 from coordinator.paths.end_headings import check_headings
 from coordinator.paths.given_path import given_curve
 from coordinator.paths.smoothing import least_radius, smooth
-from coordinator.paths.spline_fit import Fit, Flags, lengths_along
+from coordinator.paths.spline_fit import Fit
+from coordinator.paths.spline_fit_kernels import Flags, lengths_along
 from coordinator.paths.stub import stub
 from coordinator.scenario.model import Point, Robot, Scenario
 

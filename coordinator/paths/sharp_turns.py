@@ -15,7 +15,7 @@ from coordinator.base.errors import PlanError
 from coordinator.curves.nurbs import Array
 from coordinator.ground.corner_kernels import radius_of, turn_between
 from coordinator.ground.free_space import Space
-from coordinator.paths.spline_fit import Flags
+from coordinator.paths.spline_fit_kernels import Flags
 
 _SHARPEST: Final = math.radians(100.0)
 _LEGS: Final = (0.01, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0)

@@ -26,7 +26,8 @@ from coordinator.ground.polygon_kernels import merge, push, widths
 from coordinator.motion.cornering import Handling
 from coordinator.motion.message_room import ROOM, expected_bytes
 from coordinator.paths.sharp_turns import blunt
-from coordinator.paths.spline_fit import Fit, Flags, fit, lengths_along
+from coordinator.paths.spline_fit import Fit, fit
+from coordinator.paths.spline_fit_kernels import Flags, lengths_along
 
 _SHRINK: Final = 0.75
 _PUSH_SHARE: Final = 0.006

@@ -16,12 +16,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from coordinator.curves.nurbs import Array, Nurbs, nurbs
 from coordinator.ground.corner_kernels import STRAIGHT
-
-Flags = npt.NDArray[np.bool_]
+from coordinator.paths.spline_fit_kernels import Flags, apart, bent_out, jumps, lengths_along
 
 _APART: Final = 1e-5
 """Knots are farther apart than this, and than _STEPS_APART float32 steps of the control points:
@@ -57,13 +55,9 @@ def fit(vertices: Array, exact: Flags, widths: Array, shared: Flags | None = Non
 
     shared (n - 1,): legs along a circle, whose ends share their knots; no leg by default.
     """
-    bent, at = vertices, lengths_along(vertices)
-    for _ in range(_ROUNDS if exact[1:-1].any() else 0):
-        further = bent_out(vertices, bent, exact, at, widths)
-        if np.array_equal(further, bent):
-            break
-        bent, at = further, lengths_along(further)
-    return fit_at(vertices, bent, exact, at, widths, shared)
+    rounds = _ROUNDS if exact[1:-1].any() else 0
+    bent = bent_out(vertices, exact, widths, rounds)
+    return fit_at(vertices, bent, exact, lengths_along(bent), widths, shared)
 
 
 def fit_at(
@@ -75,9 +69,10 @@ def fit_at(
     shared: Flags | None = None,
 ) -> Fit:
     """Return the curve along a polygon `bent` (n, 2) whose vertices have given parameters (n,)."""
-    widths = _apart(at, widths, shared)
-    turns = np.hypot(*_jumps(bent, at).T) > STRAIGHT
-    joins = np.zeros(len(at) - 1, np.bool_) if shared is None else shared & turns[:-1] & turns[1:]
+    shared = np.zeros(len(at) - 1, np.bool_) if shared is None else shared
+    widths = apart(at, widths, shared)
+    turns = np.hypot(*jumps(bent, at).T) > STRAIGHT
+    joins = shared & turns[:-1] & turns[1:]
     begins, ends = turns & ~np.append(False, joins), turns & ~np.append(joins, False)
     inner = np.sort(np.concatenate(((at - widths)[begins], at[turns], (at + widths)[ends])))
     step = float(np.spacing(np.float32(np.abs(bent).max())))
@@ -120,39 +115,3 @@ def _aimed(points: Array, leg: Array, step: float) -> Array:
     turned = np.abs(np.arctan2(along[0] * ways[:, 1] - along[1] * ways[:, 0], ways @ along))
     good = turned <= _OFF
     return np.asarray(tried[int(good.argmax() if good.any() else turned.argmin())])
-
-
-def lengths_along(vertices: Array) -> Array:
-    """Return the arc lengths (n,) [m] of a polygon's vertices (n, 2) [m]."""
-    legs = np.diff(vertices, axis=0)
-    return np.append(0.0, np.cumsum(np.hypot(legs[:, 0], legs[:, 1])))
-
-
-def bent_out(vertices: Array, bent: Array, exact: Flags, at: Array, widths: Array) -> Array:
-    """Move exact vertices out by the cut d / 6 * (t1 - t0), so that the curve passes them."""
-    moved = vertices.copy()
-    inner = np.flatnonzero(exact[1:-1]) + 1
-    width = _apart(at, widths)[inner]
-    moved[inner] -= _jumps(bent, at)[inner] * (width / 6.0)[:, None]
-    return moved
-
-
-def _jumps(vertices: Array, at: Array) -> Array:
-    """Return the change of dC/du (n, 2) at each vertex of the polygon; zero at the ends."""
-    slopes = np.diff(vertices, axis=0) / np.maximum(np.diff(at), 1e-12)[:, None]
-    jumps = np.zeros_like(vertices)
-    jumps[1:-1] = np.diff(slopes, axis=0)
-    return jumps
-
-
-def _apart(at: Array, widths: Array, shared: Flags | None = None) -> Array:
-    """Return widths that fit: neighbours share a leg, the first and last keep off the ends."""
-    legs = np.diff(at)
-    kept = widths.copy()
-    both = kept[:-1] + kept[1:]
-    share = np.minimum(legs / np.maximum(both, 1e-12), 1.0)
-    if shared is not None:
-        share[shared] = 1.0
-    kept[:-1] = np.minimum(kept[:-1], widths[:-1] * share)
-    kept[1:] = np.minimum(kept[1:], widths[1:] * share)
-    return kept

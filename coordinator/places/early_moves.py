@@ -17,13 +17,13 @@ from coordinator.places.early_move_kernels import (
     Meetings,
     Plans,
     Rows,
-    clear_after,
     count_windows,
     enter,
     timed,
 )
 from coordinator.places.early_neighbourhood_kernels import improve
 from coordinator.places.move_kernels import Array, Indices, costs_to
+from coordinator.places.parting_kernels import clear_after
 from coordinator.places.place_graph import Graph
 
 _EFFORT: Final = 90_000

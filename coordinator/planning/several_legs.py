@@ -30,10 +30,11 @@ from coordinator.motion.velocity_profile import Motion, Wait
 from coordinator.paths.end_headings import check_headings
 from coordinator.paths.path_planner import Pathfinder
 from coordinator.paths.smoothing import smooth_near
-from coordinator.paths.spline_fit import Flags, lengths_along
+from coordinator.paths.spline_fit_kernels import Flags, lengths_along
 from coordinator.places.early_moves import early_moves
 from coordinator.places.move_kernels import SOLVED, Indices
 from coordinator.places.moves import find_moves
+from coordinator.places.parting_kernels import clear_by_steps
 from coordinator.places.place_graph import ROOM, Graph, place_graph
 from coordinator.places.shortcuts import IsClear, Moves, straightened
 from coordinator.scenario.model import Robot, Scenario
@@ -288,7 +289,7 @@ def first_motions(all_legs: Sequence[Legs], tracks: Sequence[Track], tau: float)
 
 def _in_turn(moves: Moves) -> list[list[Leg]]:
     """Return each robot's legs, with those legs of others that have to be driven before."""
-    ways, robots = moves.ways, moves.robots
+    ways, robots = [np.ascontiguousarray(way) for way in moves.ways], moves.robots
     lines = shapely.linestrings(
         np.concatenate(ways) if ways else np.empty((0, 2)),
         indices=np.repeat(np.arange(len(ways)), [len(way) for way in ways]),
@@ -310,19 +311,13 @@ def _in_turn(moves: Moves) -> list[list[Leg]]:
         for first, early in latest.items():
             number, so_far = numbers[early], known[robot].get(first, (-1, 0.0))
             if number >= so_far[0]:
-                clear = _clear_at(lines[early], lines[turn], float(moves.need[robot, first]))
+                need = float(moves.need[robot, first])
+                clear = clear_by_steps(ways[early], ways[turn], need, _STEP)
                 if (number, clear) > so_far:
                     known[robot][first] = after[first] = number, clear
         numbers.append(len(found[robot]))
         found[robot].append(Leg(turn, ways[turn], after))
     return found
-
-
-def _clear_at(line: shapely.Geometry, other: shapely.Geometry, need: float) -> float:
-    """Return how far [m] along a line one keeps the need [m] from another line until its end."""
-    at = np.arange(0.0, float(shapely.length(line)), _STEP)
-    near = shapely.distance(shapely.line_interpolate_point(line, at), other) < need + 0.5 * _STEP
-    return float(at[near][-1] + 2.0 * _STEP) if near.any() else 0.0
 
 
 @dataclass(frozen=True, eq=False)

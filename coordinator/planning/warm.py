@@ -102,6 +102,7 @@ def _compile_places() -> None:
     """Compile the kernels of robots that make room, which few plans load."""
     from coordinator.places.early_moves import early_moves
     from coordinator.places.moves import find_moves, one_after_the_other
+    from coordinator.places.parting_kernels import clear_by_steps
     from coordinator.places.place_graph import place_graph
 
     floor = _floor_with_a_wall()
@@ -113,6 +114,7 @@ def _compile_places() -> None:
         find_moves(graph, few)
     one_after_the_other(graph)
     early_moves(graph, find_moves(graph)[1], 0.5)
+    clear_by_steps(graph.ways[0], graph.ways[0], 0.4, 0.05)
 
 
 def _compile_bends() -> None:

@@ -35,7 +35,7 @@ class Track:
     @cached_property
     def ceiling(self) -> Array:
         """Knots (n, 2) of the greatest speed allowed: s [m], v^2."""
-        return np.column_stack(self.limits.ceiling)
+        return self.limits.ceiling[:2].T.copy()
 
     def with_cell(self, cell: float) -> Track:
         """Return the same path in cells of this length [m]."""

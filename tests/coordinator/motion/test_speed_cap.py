@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from coordinator.curves.interpolation_kernels import times_at
 from coordinator.curves.nurbs import nurbs
 from coordinator.motion.profile_simplification_kernels import merged, reachable
-from coordinator.motion.velocity_profile import FASTEST_TURN, Motion, Wait, limits_on, speed_knots
+from coordinator.motion.velocity_profile import FASTEST_TURN, Motion, Wait, limits_on
+from tests.coordinator.motion.legs import speed_knots
 from tests.sweeps import seeds
 
 LIMITS = ((0.475, 0.5, 0.5), (1.9, 2.0, 1.0), (0.5, math.inf, 0.5), (2.0, 1.0, 0.2))
@@ -157,7 +158,7 @@ def test_what_is_lost_on_a_leg_is_never_more_than_on_the_whole_path(seed):
     for _ in range(2):
         first, last = sorted(dice.sample(range(len(s)), 2))
         part = slice(first, last + 1)
-        leg = np.array(speed_knots(limits, s[first], s[last]))
+        leg = speed_knots(limits, s[first], s[last])
         assert np.max(np.interp(s[part], *leg) * bend[part]) <= lateral * (1.0 + 1e-9)
         assert np.max(np.abs(np.diff(leg[1])) / np.diff(leg[0])) <= 2.0 * accel * (1.0 + 1e-6)
         exact = exact_time(s[part], bend[part], speed, accel, lateral)

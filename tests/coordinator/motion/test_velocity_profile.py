@@ -9,8 +9,9 @@ import pytest
 from coordinator.curves.interpolation_kernels import times_at
 from coordinator.curves.nurbs import nurbs
 from coordinator.motion.profile_simplification_kernels import reachable
-from coordinator.motion.velocity_profile import Motion, SpeedLimits, Wait, limits_on, speed_knots
+from coordinator.motion.velocity_profile import Motion, SpeedLimits, Wait, limits_on
 from protocol.timeline import Timeline
+from tests.coordinator.motion.legs import speed_knots
 from tests.sweeps import seeds
 
 
@@ -58,7 +59,7 @@ def dense_time(seed, begin, end, count=20000):
 def test_the_motion_is_as_fast_as_dense_integration(seed):
     limits = random_limits(seed)
     for begin, end in ((0.0, limits.length), (0.3 * limits.length, 0.8 * limits.length)):
-        s, w = np.array(speed_knots(limits, begin, end))
+        s, w = speed_knots(limits, begin, end)
         took = times_at(s, w, s)[-1]
         assert took == pytest.approx(dense_time(seed, begin, end), rel=0.002)
 
@@ -69,7 +70,7 @@ def test_all_limits_are_kept_on_every_leg(seed):
     limits, dice = random_limits(seed), random.Random(seed)
     legs = [(0.0, length)] + [sorted(dice.uniform(0.0, length) for _ in "ab") for _ in range(20)]
     for begin, end in legs:
-        s, w = np.array(speed_knots(limits, begin, end))
+        s, w = speed_knots(limits, begin, end)
         assert np.all(np.diff(s) > 0.0)
         assert (s[0], w[0], s[-1], w[-1]) == (begin, 0.0, end, 0.0)
         assert np.all(np.abs(np.diff(w)) <= 2.0 * accel * np.diff(s) * (1 + 1e-6) + 1e-9)
@@ -83,7 +84,7 @@ def test_all_limits_are_kept_on_every_leg(seed):
 @pytest.mark.parametrize("seed", seeds(10))
 def test_times_increase_along_the_path_and_agree_with_small_steps(seed):
     limits = random_limits(seed)
-    s, w = np.array(speed_knots(limits, 0.0, limits.length))
+    s, w = speed_knots(limits, 0.0, limits.length)
     dense = np.linspace(0.0, limits.length, 40001)
     times = times_at(s, w, dense)
     assert np.all(np.diff(times) > 0.0)
@@ -93,7 +94,7 @@ def test_times_increase_along_the_path_and_agree_with_small_steps(seed):
 
 
 def test_a_robot_without_a_limit_on_acceleration_has_its_speed_at_once():
-    s, w = np.array(speed_knots(SpeedLimits(6.0, 0.25, math.inf, ()), 0.0, 6.0))
+    s, w = speed_knots(SpeedLimits(6.0, 0.25, math.inf, ()), 0.0, 6.0)
     assert times_at(s, w, np.array([3.0, 6.0])).tolist() == pytest.approx([6.0, 12.0])
 
 
@@ -166,7 +167,7 @@ def test_a_wait_that_ends_before_the_arrival_costs_only_the_stop():
 
 @pytest.mark.parametrize(("speed", "accel"), [(1e-6, 1.0), (0.001, 1.0), (0.4, 1e5), (900.0, 1e5)])
 def test_slow_robots_and_strong_motors_arrive_too(speed, accel):
-    s, w = np.array(speed_knots(SpeedLimits(5.0, speed**2, accel, ()), 0.0, 5.0))
+    s, w = speed_knots(SpeedLimits(5.0, speed**2, accel, ()), 0.0, 5.0)
     assert (s[0], w[0], s[-1], w[-1]) == (0.0, 0.0, 5.0, 0.0)
     assert np.all(w[1:-1] > 0.0)
     took = times_at(s, w, s)[-1]
@@ -178,7 +179,7 @@ def test_a_robot_that_starts_or_rests_in_a_slow_bend_arrives_too():
     bends = ((0.0, 1e-6), (2.0, 1e-6), (2.0001, 0.16), (5.0, 0.16))
     limits = SpeedLimits(5.0, 0.16, 1e4, bends)
     for begin, alone in ((0.0, 2000.0 + 7.5), (1.0, 1000.0 + 7.5)):
-        s, w = np.array(speed_knots(limits, begin, 5.0))
+        s, w = speed_knots(limits, begin, 5.0)
         assert np.all(w[1:-1] > 0.0)
         assert times_at(s, w, s)[-1] == pytest.approx(alone, rel=0.01)
 
@@ -186,6 +187,6 @@ def test_a_robot_that_starts_or_rests_in_a_slow_bend_arrives_too():
 def test_a_leg_shorter_than_any_ramp_is_driven_too():
     limits = SpeedLimits(5.0, 0.16, 1e4, ((0.0, 1e-6), (2.0, 1e-6), (2.0001, 0.16), (5.0, 0.16)))
     for begin in (0.0, 1.0, 3.0):
-        s, w = np.array(speed_knots(limits, begin, begin + 3e-5))
+        s, w = speed_knots(limits, begin, begin + 3e-5)
         assert (s[0], w[0], s[-1], w[-1]) == (begin, 0.0, begin + 3e-5, 0.0)
         assert 0.0 < w[1] <= (1e-6 if begin < 2.0 else 0.16)

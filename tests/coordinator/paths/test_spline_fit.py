@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from coordinator.paths.spline_fit import fit, fit_at, lengths_along
+from coordinator.paths.spline_fit import fit, fit_at
+from coordinator.paths.spline_fit_kernels import lengths_along
 from tests.oracles import naive_point
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coordinator.curves.interpolation_kernels import times_at
-from coordinator.motion.velocity_profile import Motion, Wait, speed_knots
+from coordinator.motion.velocity_profile import Motion, Wait
 from coordinator.schedule.track import CELL
 from coordinator.schedule.waiting_kernels import (
     AT_HIGH,
@@ -20,6 +20,7 @@ from coordinator.schedule.waiting_kernels import (
     times_left,
 )
 from tests.coordinator.curves.random_curves import random_curve
+from tests.coordinator.motion.legs import speed_knots
 from tests.coordinator.schedule.fleets import line
 from tests.coordinator.schedule.fleets_on_lines import bent_track, limits_of_many_kinds, track_on
 
@@ -31,7 +32,7 @@ def by_quadrature(track, s):
 
     Over x with s = length (1 - cos x) / 2, as the speed may be 0 at both ends.
     """
-    places, heights = track.limits.ceiling
+    places, heights = track.limits.ceiling[:2]
     x = np.linspace(0.0, np.pi, 100_001)
     middles = 0.5 * (x[1:] + x[:-1])
     half = 0.5 * track.limits.length
@@ -102,7 +103,7 @@ def test_ramps_meet_the_greatest_speed_at_the_stations_ends(track):
 def test_a_move_between_rests_passes_every_place_when_the_fastest_motion_does(track, shares):
     begin, end = (share * track.limits.length for share in sorted(shares))
     ride = track.ride([begin, end])
-    knots = np.array(speed_knots(track.limits, begin, end))
+    knots = speed_knots(track.limits, begin, end)
     s = np.linspace(begin, end, 41)
     wanted = times_at(*knots, s)
     elapsed = times_at(track.ceiling[:, 0], track.ceiling[:, 1], s)
