@@ -11,7 +11,7 @@ robots' times.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from typing import Final
@@ -73,34 +73,47 @@ def smooth(
     return found
 
 
+def turned_near(
+    polygon: Array,
+    exact: Flags,
+    space: Space,
+    narrow: Collection[tuple[float, float]],
+    headed: tuple[bool, bool] = (False, False),
+) -> tuple[Array, Flags]:
+    """Return a polygon (n, 2) [m] without turns too sharp to round, for `smooth_near`.
+
+    exact (n,): vertices that are passed exactly; narrow: vertices beside which others may be, so
+    that sharp turns there lead hardly beyond them; headed: as for `smooth`.  Raises PlanError if a
+    turn has no room.
+    """
+    polygon, exact = _without_straight(polygon, exact, headed)
+    blunted, passed = blunt(polygon, exact, space, headed, 0.0, narrow, swings=False)
+    if blunted is polygon:
+        return polygon, exact
+    return _without_straight(blunted, passed, headed)
+
+
 def smooth_near(
     polygon: Array,
     exact: Flags,
     space: Space,
     cut: float,
-    narrow: Mapping[tuple[float, float], float],
-    headed: tuple[bool, bool] = (False, False),
+    cuts: Mapping[tuple[float, float], float],
 ) -> tuple[Nurbs, Array]:
     """Return the cubic curve along a polygon (n, 2) [m] that cuts its corners by at most `cut` [m].
 
-    Beside it, the parameters at which it passes the exact vertices.  exact (n,): vertices that it
-    passes exactly; narrow: vertices beside which others may be, so that sharp turns there lead
-    hardly beyond them, and by how much at most corners are cut there [m] if the curve passes them
-    exactly, since it swings out beside them; headed: as for `smooth`.  Raises PlanError if a turn
-    has no room.
+    Beside it, the parameters at which it passes the exact vertices (n,); the polygon has no turns
+    too sharp to round.  cuts: by how much at most corners are cut at vertices that the curve passes
+    exactly [m], since it swings out beside them.  Raises PlanError if the curve has no room.
     """
-    polygon, exact = _without_straight(polygon, exact, headed)
-    blunted, passed = blunt(polygon, exact, space, headed, 0.0, narrow, swings=False)
-    if blunted is not polygon:
-        polygon, exact = _without_straight(blunted, passed, headed)
     legs = np.diff(polygon, axis=0)
     sizes = np.hypot(legs[:, 0], legs[:, 1])
     # A corner that turns by theta, rounded over d, is cut by d / 3 * sin(theta / 2).
     halves = 0.5 * np.hypot(*np.diff(legs / sizes[:, None], axis=0).T)
     room = _SHARE * np.minimum(sizes[:-1], sizes[1:])
-    there = [narrow.get((float(x), float(y)), cut) for x, y in polygon[1:-1]]
-    cuts = np.where(exact[1:-1], there, cut)
-    wide = np.minimum(3.0 * cuts / np.maximum(halves, 1e-9), room)
+    there = [cuts.get((float(x), float(y)), cut) for x, y in polygon[1:-1]]
+    most = np.where(exact[1:-1], there, cut)
+    wide = np.minimum(3.0 * most / np.maximum(halves, 1e-9), room)
     wide = np.concatenate(([0.0], wide, [0.0]))
     # Where the way is straight the curve passes a vertex: no rounding of a corner reaches there.
     kept = np.concatenate(([True], halves > _ALONG, [True]))

@@ -107,16 +107,41 @@ def _insert(rows: Rows, row: int, begin: float, end: float, robot: int) -> bool:
 
 
 @compiled
-def _remove(rows: Rows, row: int, robot: int) -> None:
-    """Remove all windows of a robot from a row."""
-    kept, times, last = rows.first[row], rows.times, -math.inf
-    for k in range(kept, kept + rows.size[row]):
-        if rows.whose[k] != robot:
-            last = max(last, times[k, 1])
-            times[kept, 0], times[kept, 1], times[kept, 2] = times[k, 0], times[k, 1], last
-            rows.whose[kept] = rows.whose[k]
-            kept += 1
-    rows.size[row] = kept - rows.first[row]
+def _remove(rows: Rows, row: int, begin: float, robot: int) -> None:
+    """Remove the window of a robot that begins at a time from a row.
+
+    If there was no room for it, the robot's next one goes, which is to go as well.
+    """
+    times, whose = rows.times, rows.whose
+    k, end = _first_from(rows, row, begin), rows.first[row] + rows.size[row] - 1
+    while k <= end and whose[k] != robot:
+        k += 1
+    if k > end:
+        return
+    last = times[k - 1, 2] if k > rows.first[row] else -math.inf
+    while k < end:
+        last = max(last, times[k + 1, 1])
+        times[k, 0], times[k, 1], times[k, 2] = times[k + 1, 0], times[k + 1, 1], last
+        whose[k] = whose[k + 1]
+        k += 1
+    rows.size[row] -= 1
+
+
+@compiled
+def _first_from(rows: Rows, row: int, time: float) -> int:
+    """Return the index of a row's first window that begins at `time` or later.
+
+    If none does, it is the one after the row's last.
+    """
+    low = rows.first[row]
+    high = low + rows.size[row]
+    while low < high:
+        middle = (low + high) // 2
+        if rows.times[middle, 0] < time:
+            low = middle + 1
+        else:
+            high = middle
+    return int(low)
 
 
 @compiled
@@ -162,33 +187,17 @@ def enter(robot: int, start: int, plans: Plans, floor: Floor, books: Books) -> b
 
 @compiled
 def strike_out(robot: int, start: int, plans: Plans, floor: Floor, books: Books) -> None:
-    """Take back what `enter` has entered for a robot."""
+    """Take back what `enter` has entered for a robot, all of it."""
     meetings = floor.meetings
     for k in range(floor.beside_first[start], floor.beside_first[start + 1]):
-        _remove(books.edge, floor.beside[k], robot)
+        _remove(books.edge, floor.beside[k], -math.inf, robot)
     for number in range(plans.size[robot]):
-        e = plans.edge[robot, number]
+        e, at = plans.edge[robot, number], plans.start[robot, number]
         for k in range(meetings.first[e], meetings.first[e + 1]):
-            _remove(books.edge, meetings.other[k], robot)
+            begin = at - meetings.theirs[k] - floor.gap
+            _remove(books.edge, meetings.other[k], begin, robot)
         for k in range(floor.passed_first[e], floor.passed_first[e + 1]):
-            _remove(books.place, floor.passed[k], robot)
-
-
-@compiled
-def _first_from(rows: Rows, row: int, time: float) -> int:
-    """Return the index of a row's first window that begins at `time` or later.
-
-    If none does, it is the one after the row's last.
-    """
-    low = rows.first[row]
-    high = low + rows.size[row]
-    while low < high:
-        middle = (low + high) // 2
-        if rows.times[middle, 0] < time:
-            low = middle + 1
-        else:
-            high = middle
-    return int(low)
+            _remove(books.place, floor.passed[k], at, robot)
 
 
 @compiled

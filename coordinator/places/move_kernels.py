@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.ground.grid_kernels import point_gap
 
 Array = npt.NDArray[np.float64]
@@ -117,13 +117,13 @@ def costs_to(goals: Indices, edges: Edges, fits: Flags, extra: Array) -> Array:
     return left
 
 
-@compiled
+@allocation_free
 def in_the_way(robot: int, e: int, edges: Edges, team: Team, occupant: Indices) -> int:
     """Return a robot that stands in another robot's way along an edge; -1 if there is none."""
     return who_closes(e, team.kind[robot], robot, edges, team, occupant)
 
 
-@compiled
+@allocation_free
 def who_closes(e: int, kind: int, but: int, edges: Edges, team: Team, occupant: Indices) -> int:
     """Return a robot, `but` not this one, that closes an edge to a kind of robots; -1 if none."""
     for k in range(edges.near_first[e], edges.near_first[e + 1]):
@@ -135,7 +135,7 @@ def who_closes(e: int, kind: int, but: int, edges: Edges, team: Team, occupant: 
     return -1
 
 
-@compiled
+@allocation_free
 def _held_up(robot: int, e: int, edges: Edges, team: Team, step: Step) -> bool:
     """Return whether a robot that does not move any more stands in the way along an edge."""
     for k in range(edges.near_first[e], edges.near_first[e + 1]):
@@ -448,12 +448,13 @@ def _joined(node: int, parent: Indices, moves: Indices, moves_from: Indices) -> 
     return joined
 
 
-@compiled
-def _offer(e: int, cost: Array, edges: Edges, heap: list[tuple[float, int]]) -> None:
-    """Append an edge to a heap to be, if it leads to a place at less cost."""
+@allocation_free
+def _is_worth(e: int, robot: int, cost: Array, edges: Edges, team: Team, occupant: Indices) -> bool:
+    """Return whether a robot can take an edge now, and it leads to a place at less cost."""
     further = cost[edges.origin[e]] + edges.cost[e]
-    if further < cost[edges.to[e]] - 1e-9:
-        heap.append((further, e))
+    if further >= cost[edges.to[e]] - 1e-9 or not team.fits[team.kind[robot], e]:
+        return False
+    return in_the_way(robot, e, edges, team, occupant) < 0
 
 
 @compiled
@@ -475,24 +476,23 @@ def rerouted(
     last = np.full(places, -1)  # By place: the last of these that leads there.
     cost = np.full(places, math.inf)
     cost[team.start[robot]] = 0.0
-    heap = [(0.0, 0)]
     closed = [0]
-    heap.clear()
-    for e in range(edges.first[team.start[robot]], edges.first[team.start[robot] + 1]):
-        _offer(e, cost, edges, heap)
+    heap = [
+        (edges.cost[e], e)
+        for e in range(edges.first[team.start[robot]], edges.first[team.start[robot] + 1])
+        if _is_worth(e, robot, cost, edges, team, occupant)
+    ]
     heapq.heapify(heap)
     for k in range(len(others) + 1):
         while heap:
             further, e = heapq.heappop(heap)
             to = edges.to[e]
-            if further >= cost[to] - 1e-9 or not team.fits[team.kind[robot], e]:
-                continue
-            if in_the_way(robot, e, edges, team, occupant) >= 0:
+            if further >= cost[to] - 1e-9:
                 continue
             came.append((k, e, last[to]))
             cost[to], last[to] = further, len(came) - 1
             for f in range(edges.first[to], edges.first[to + 1]):
-                if further + edges.cost[f] < cost[edges.to[f]] - 1e-9:
+                if _is_worth(f, robot, cost, edges, team, occupant):
                     heapq.heappush(heap, (further + edges.cost[f], f))
         if k == len(others):
             break
@@ -505,16 +505,20 @@ def rerouted(
             if not far and cost[v] < math.inf:
                 cost[v] = math.inf
                 closed.append(v)
+        occupant[opened] = -1
+        occupant[edges.to[e]] = other
         heap.clear()
         # Edges that become clear, and those to places that have to be left.
         for at in range(beside_first[opened], beside_first[opened + 1]):
-            _offer(beside[at], cost, edges, heap)
+            f = beside[at]
+            if _is_worth(f, robot, cost, edges, team, occupant):
+                heap.append((cost[edges.origin[f]] + edges.cost[f], f))
         for v in closed:
-            for f in range(edges.first[v], edges.first[v + 1]):
-                _offer(edges.back[f], cost, edges, heap)
+            for one in range(edges.first[v], edges.first[v + 1]):
+                f = edges.back[one]
+                if _is_worth(f, robot, cost, edges, team, occupant):
+                    heap.append((cost[edges.origin[f]] + edges.cost[f], f))
         heapq.heapify(heap)
-        occupant[opened] = -1
-        occupant[edges.to[e]] = other
     if cost[team.goal[robot]] == math.inf:
         return moves
     taken = [(0, 0)]

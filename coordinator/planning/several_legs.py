@@ -29,7 +29,7 @@ from coordinator.motion.message_room import expected_bytes
 from coordinator.motion.velocity_profile import Motion, Wait
 from coordinator.paths.end_headings import check_headings
 from coordinator.paths.path_planner import Pathfinder
-from coordinator.paths.smoothing import smooth_near
+from coordinator.paths.smoothing import smooth_near, turned_near
 from coordinator.paths.spline_fit_kernels import Flags, lengths_along
 from coordinator.places.early_moves import early_moves
 from coordinator.places.move_kernels import SOLVED, Indices
@@ -368,13 +368,14 @@ def _along(
     exact = np.zeros(len(vertices), dtype=np.bool_)
     exact[[0, -1, *(int(last[rest - 1]) for rest in rests)]] = True
     space, cuts = finder.space(robot), dict.fromkeys(tight, _CUT)
-    curve, u = smooth_near(vertices, exact, space, _CUT, cuts, headed)
+    polygon, passed = turned_near(vertices, exact, space, tight, headed)
+    curve, u = smooth_near(polygon, passed, space, _CUT, cuts)
     for cut in _FINER_CUTS:
         swings = _swings_at(robot, curve, u, vertices, exact, tight)
         if not swings:
             break
         cuts |= dict.fromkeys(swings, cut)
-        curve, u = smooth_near(vertices, exact, space, _CUT, cuts, headed)
+        curve, u = smooth_near(polygon, passed, space, _CUT, cuts)
     check_headings(robot, curve)
     along = lengths_along(vertices)
     ends = np.interp(along[last], along[exact], curve.arc_at(u))
