@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from coordinator.base.compiled import compiled
+from coordinator.base.compiled import allocation_free, compiled
 from coordinator.places.move_kernels import Array, Edges, Flags, Indices
 
 _LATER: Final = 1e-6
@@ -144,18 +144,61 @@ def _first_from(rows: Rows, row: int, time: float) -> int:
     return int(low)
 
 
+class Windows(NamedTuple):
+    """Windows of one robot: edge (n,), and the times (n, 2) between which it closes that."""
+
+    edge: Indices
+    times: Array
+
+
+@allocation_free
+def _close(e: int, begin: float, end: float, size: int, windows: Windows, latest: Indices) -> int:
+    """Add a window to the first `size` ones, or widen the latest one of its edge if they overlap.
+
+    Returns how many there are then.
+    """
+    times, k = windows.times, latest[e]
+    if k >= 0 and begin < times[k, 1] and times[k, 0] < end:
+        times[k, 0], times[k, 1] = min(times[k, 0], begin), max(times[k, 1], end)
+        return size
+    windows.edge[size], latest[e] = e, size
+    times[size, 0], times[size, 1] = begin, end
+    return size + 1
+
+
+@compiled
+def windows_of(robot: int, start: int, plans: Plans, floor: Floor) -> Windows:
+    """Return the windows in which a robot's moves from the place `start` on close edges."""
+    meetings, moves = floor.meetings, plans.size[robot]
+    most = floor.beside_first[start + 1] - floor.beside_first[start]
+    for e in plans.edge[robot, :moves]:
+        most += meetings.first[e + 1] - meetings.first[e]
+    windows = Windows(np.empty(most, np.int64), np.empty((most, 2)))
+    latest, size = np.full(len(floor.length), -1), 0
+    until = plans.start[robot, 0] if moves else math.inf
+    for k in range(floor.beside_first[start], floor.beside_first[start + 1]):
+        size = _close(floor.beside[k], -math.inf, until, size, windows, latest)
+    for number in range(moves):
+        e, at = plans.edge[robot, number], plans.start[robot, number]
+        onward = plans.start[robot, number + 1] if number + 1 < moves else math.inf
+        for k in range(meetings.first[e], meetings.first[e + 1]):
+            begin = at - meetings.theirs[k] - floor.gap
+            end = at + meetings.mine[k] + floor.gap
+            if meetings.stays[k]:
+                end = max(end, onward)
+            size = _close(meetings.other[k], begin, end, size, windows, latest)
+    return Windows(windows.edge[:size], windows.times[:size])
+
+
 @compiled
 def count_windows(
     plans: Plans, starts: Indices, floor: Floor, edges: Indices, places: Indices
 ) -> None:
     """Add up how many windows all plans enter at edges (E,) and places (V,)."""
-    meetings = floor.meetings
     for robot in range(len(starts)):
-        for k in range(floor.beside_first[starts[robot]], floor.beside_first[starts[robot] + 1]):
-            edges[floor.beside[k]] += 1
+        for e in windows_of(robot, starts[robot], plans, floor).edge:
+            edges[e] += 1
         for e in plans.edge[robot, : plans.size[robot]]:
-            for k in range(meetings.first[e], meetings.first[e + 1]):
-                edges[meetings.other[k]] += 1
             for k in range(floor.passed_first[e], floor.passed_first[e + 1]):
                 places[floor.passed[k]] += 1
 
@@ -166,20 +209,12 @@ def enter(robot: int, start: int, plans: Plans, floor: Floor, books: Books) -> b
 
     Returns whether there was room for all.
     """
-    meetings, size = floor.meetings, plans.size[robot]
-    until = plans.start[robot, 0] if size else math.inf
-    room = True
-    for k in range(floor.beside_first[start], floor.beside_first[start + 1]):
-        room &= _insert(books.edge, floor.beside[k], -math.inf, until, robot)
-    for number in range(size):
+    room, windows = True, windows_of(robot, start, plans, floor)
+    for k in range(len(windows.edge)):
+        begin, end = windows.times[k]
+        room &= _insert(books.edge, windows.edge[k], begin, end, robot)
+    for number in range(plans.size[robot]):
         e, at = plans.edge[robot, number], plans.start[robot, number]
-        onward = plans.start[robot, number + 1] if number + 1 < size else math.inf
-        for k in range(meetings.first[e], meetings.first[e + 1]):
-            begin = at - meetings.theirs[k] - floor.gap
-            end = at + meetings.mine[k] + floor.gap
-            if meetings.stays[k]:
-                end = max(end, onward)
-            room &= _insert(books.edge, meetings.other[k], begin, end, robot)
         for k in range(floor.passed_first[e], floor.passed_first[e + 1]):
             room &= _insert(books.place, floor.passed[k], at, at, robot)
     return room
@@ -188,14 +223,11 @@ def enter(robot: int, start: int, plans: Plans, floor: Floor, books: Books) -> b
 @compiled
 def strike_out(robot: int, start: int, plans: Plans, floor: Floor, books: Books) -> None:
     """Take back what `enter` has entered for a robot, all of it."""
-    meetings = floor.meetings
-    for k in range(floor.beside_first[start], floor.beside_first[start + 1]):
-        _remove(books.edge, floor.beside[k], -math.inf, robot)
+    windows = windows_of(robot, start, plans, floor)
+    for k in range(len(windows.edge)):
+        _remove(books.edge, windows.edge[k], windows.times[k, 0], robot)
     for number in range(plans.size[robot]):
         e, at = plans.edge[robot, number], plans.start[robot, number]
-        for k in range(meetings.first[e], meetings.first[e + 1]):
-            begin = at - meetings.theirs[k] - floor.gap
-            _remove(books.edge, meetings.other[k], begin, robot)
         for k in range(floor.passed_first[e], floor.passed_first[e + 1]):
             _remove(books.place, floor.passed[k], at, robot)
 

@@ -27,9 +27,9 @@ are put back at little cost, and becomes one more every _FEW_ROUNDS rounds.  If 
 are in a robot's way, others are taken out at random."""
 
 _CHANCE: Final = 4
-"""Of so many robots in a robot's way one stays where it is."""
+"""Of so many robots on a robot's shortest way one stays where it is."""
 
-_CHECKED: Final = 128
+_CHECKED: Final = 256
 _SLOW: Final = 0.99
 """The search ends if in _CHECKED rounds the delays fall to no less than the share _SLOW."""
 
@@ -101,7 +101,7 @@ def _at_a_crossing(
         else:
             k, after = after, after + 1
         other = books.edge.whose[k]
-        if not chosen[other] and _random(noise, _CHANCE) > 0:
+        if not chosen[other]:
             chosen[other] = True
             found += 1
     return found
