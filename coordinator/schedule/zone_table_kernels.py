@@ -49,7 +49,10 @@ def robot_rows(
     Reaches, `cell` [m] and rows are those of zone_kernels.zone_rows; there are at most `room` rows.
     """
     begins, rows = np.zeros(len(zones.zone) + 1, np.int64), np.empty((room, 3))
-    spans = np.empty((int(np.diff(chords.first).max()) if len(chords.first) > 1 else 0, 2))
+    most = 0
+    for zone in zones.zone:
+        most = max(most, chords.first[zone + 1] - chords.first[zone])
+    spans = np.empty((most, 2))
     s, points = lines
     mine = slice(first[me], first[me + 1])
     line = Polyline(s[mine], points[mine])
