@@ -141,8 +141,11 @@ class Improvement:
     def _resting_less(self, index: int, old: Motion) -> Motion | None:
         """Return the motion of a robot that leaves one of its rests earlier; None if there is none.
 
-        What it does before may leave it no other time, and others none to spare.
+        What it does before may leave it no other time, and others none to spare.  One that drives
+        more slowly than it could is left alone: it would not, before that rest.
         """
+        if old.limits is not self.junctions.tracks[index].limits:
+            return None
         others, best = self.junctions.rows_of(index)[0].other, None
         modes = np.where(self.motions.placed[others], BOTH, FIRST)
         for k, wait in enumerate(old.waits):
