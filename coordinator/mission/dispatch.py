@@ -34,7 +34,7 @@ from coordinator.planning.course_proposal import among_further
 from coordinator.planning.course_search import Answer
 from coordinator.planning.wish import Site
 from coordinator.scenario import plain
-from coordinator.scenario.model import Robot
+from coordinator.scenario.model import Pose, Robot
 from coordinator.scenario.order_checks import OWN
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
 from protocol.phases import GO, MOVING
@@ -217,8 +217,10 @@ class Dispatcher:
     def _leaves_for(self, task: Task, now_ns: int) -> bool:
         """Return whether a robot is to leave its course for an urgent order now."""
         mine = self._fleet.grants.of(task.robot)
-        if mine is None or mine.now.revision < task.leaves:
+        if mine is None:
             return False
+        if mine.now.revision < task.leaves and not self._fleet.grants.is_over(task.robot):
+            return False  # It has yet to begin the course that it is to leave.
         return self._can_leave(task.robot, now_ns)
 
     def _can_leave(self, robot: str, now_ns: int) -> bool:
@@ -385,7 +387,8 @@ class Dispatcher:
             self._rooms.finds_no_place(robot, state)
         is_closed = math.isinf(answer.alone) and self._nobody_else(task, robot)
         # One who closes its way may go on again.
-        is_closed &= not (task.order.robot and asked.goes_around)
+        may_open = task.order.robot and asked.goes_around
+        is_closed &= not (may_open and self._room_at(task.order.goal) >= asked.wish.robot.radius)
         if task.makes_room or is_closed:
             book.end(task, REFUSED, f"{robot} {answer.reason}")
             self._rooms.end(task)
@@ -416,17 +419,22 @@ class Dispatcher:
 
     def _nobody_else(self, task: Task, robot: str) -> bool:
         """Take in that a robot can never do an order; return whether no other one might."""
-        task.cannot.add(robot)
-        site = self.obstructions.site
-        if site is not None:  # Where there is no room at the goal, it is the same for others.
-            room = float(site.room(np.array([task.order.goal[:2]]))[0]) - site.terms.margin
-            task.cannot |= {
-                one.id
-                for one in self.robots.values()
-                if room < one.radius or self.obstructions.closed_at(task.order.goal[:2], one.radius)
-            }
+        room, goal = self._room_at(task.order.goal), task.order.goal[:2]
+        # Where there is no room at the goal, it is the same for others.
+        task.cannot |= {robot} | {
+            one.id
+            for one in self.robots.values()
+            if room < one.radius or self.obstructions.closed_at(goal, one.radius)
+        }
         task.robot = task.order.robot
         return bool(task.order.robot) or self._fleet.members.keys() <= task.cannot
+
+    def _room_at(self, place: Pose) -> float:
+        """Return the radius [m] of the largest robot that has room on the floor at a place."""
+        site = self.obstructions.site
+        if site is None:
+            return math.inf
+        return float(site.room(np.array([place[:2]]))[0]) - site.terms.margin
 
     def _are_free(self, robot: str, places: Array) -> Flags:
         """Tell at which places (n, 2) a robot could rest: no other is or is bound there (n,)."""

@@ -73,6 +73,8 @@ class FreeRobots:
             return "is not heard"
         if member.has_stopped(self._fleet.epoch):
             return f"has stopped: {fault_name(member.fault)}"
+        if member.came_back_to is not None:
+            return "is back and waits for a course from where it stands"
         return "" if member.planned else "has no part in this epoch"
 
     def say_who_is_busy(self, idle: list[str], tried: Container[str], now_ns: int) -> None:

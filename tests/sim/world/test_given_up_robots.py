@@ -12,7 +12,17 @@ from coordinator.planning.planner import plan_scenario
 from coordinator.scenario.model import Order
 from coordinator.schedule.authority import EVER
 from coordinator.service.replay import check_log
-from protocol.messages import ORDER_DONE, REFUSED, UNDER_WAY, WAITING, Block, Join, Leave, Unblock
+from protocol.messages import (
+    ORDER_DONE,
+    REFUSED,
+    UNDER_WAY,
+    WAITING,
+    Block,
+    Cancel,
+    Join,
+    Leave,
+    Unblock,
+)
 from protocol.messages import Order as Said
 from protocol.phases import DONE
 from protocol.timing import SECOND
@@ -253,6 +263,41 @@ def test_one_stopped_on_the_next_course_of_a_lost_robot_gets_away(tmp_path):
     logs.close()
     assert states(world)["down"] == ORDER_DONE
     assert_sound(world, logs)
+
+
+def test_a_robot_that_is_let_in_need_not_begin_the_course_of_a_cancelled_order(tmp_path):
+    """R1 was given up, got another course, and died before it began that; its order is over."""
+    orders = (Order(id="far", goal=(11.0, 1.0), robot="R1", release=1.0),)
+    robots = [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 6.0))]
+    world, logs = a_fleet(tmp_path, robots, orders, ["driver-error:R1@4"])
+    say = operator(world)
+    world.run(4.4)
+    while (coming := world.fleet.grants.of("R1").next) is None or coming.is_withdrawn:
+        world.step()
+    world.strike(Fault("kill", "R1", 1.0, 0.0))
+    say(Said(9, "near", (4.0, 4.0), robot="R1"))
+    world.run(9.5)
+    say(Cancel(9, "far"))
+    world.run(12.0)
+    start_again(world, "R1", 79)
+    world.run(40.0)
+    logs.close()
+    assert states(world)["near"] == ORDER_DONE
+    assert_sound(world, logs)
+
+
+def test_an_order_into_a_wall_is_refused_though_a_lost_robot_may_come_back():
+    orders = (Order(id="far", goal=(12.0, 1.0), robot="R2", release=1.0),)
+    robots = [idle("R1", (1.0, 1.0)), idle("R2", (1.0, 6.0))]
+    scenario = a_scenario(robots, size=HALL, obstacles=(box(6.0, 4.0, 9.0, 8.0),), orders=orders)
+    world = a_world(scenario, faults=["kill:R2@4"], stays=True, planning_ns=150_000_000)
+    world.run(25.0)
+    assert world.fleet.grants.given_up == {"R2"}
+    operator(world)(Said(9, "in", (7.5, 6.0), robot="R1"))
+    world.run(5.0)
+    assert states(world)["in"] == REFUSED
+    told = world.fleet.orders.tasks["in"].reason
+    assert told == "R1 cannot be at (7.50, 6.00), which is inside workspace.obstacles[0]"
 
 
 def test_a_lost_robot_with_two_unnamed_orders_stops_nobody(tmp_path):
