@@ -26,6 +26,11 @@ _SAME_PLACE: Final = 1e-6
 Limits: TypeAlias = tuple[float, float, float]
 """Top v^2, the limit of acceleration [m/s^2], inf allowed, and the acceleration that is used."""
 
+_SAME_SHARE: Final = 1e-9
+"""Share of v^2 by which a knot may lie off a line that replaces it: bends may be taken at 1e-5 of
+the top speed, so that no share of the top is small.  `_ROUNDING` of the top is."""
+_ROUNDING: Final = 4e-16
+
 _PER_LEG: Final = 4
 """A leg has at most this many knots besides those of the ceiling below which it lies."""
 
@@ -89,7 +94,7 @@ def _keep_distinct(s: Array, w: Array) -> int:
 
     Where some are merged, the lower speed counts.
     """
-    same, kept = 1e-9 * w.max(), 1
+    rounding, kept = _ROUNDING * w.max(), 1
     end = s[-1]
     for k in range(1, len(s)):
         here, height = s[k], w[k]
@@ -98,7 +103,8 @@ def _keep_distinct(s: Array, w: Array) -> int:
             continue
         if kept > 1:
             rise = (height - w[kept - 2]) / (here - s[kept - 2])
-            if abs(w[kept - 2] + rise * (s[kept - 1] - s[kept - 2]) - w[kept - 1]) < same:
+            off = abs(w[kept - 2] + rise * (s[kept - 1] - s[kept - 2]) - w[kept - 1])
+            if off <= max(_SAME_SHARE * w[kept - 1], rounding):
                 kept -= 1
         s[kept], w[kept] = here, height
         kept += 1

@@ -19,6 +19,9 @@ from coordinator.motion.velocity_profile import SpeedLimits
 _EDGE: Final = 1e-3
 """Length [m] over which the limit falls at the ends of a stretch, before accelerations count."""
 
+_SAME_SHARE: Final = 1e-6
+"""Share of v^2 by which a vertex may lie off a line that replaces it."""
+
 
 class Slow(NamedTuple):
     """A stretch of a path from `begin` to `end` [m] with at most this `speed` [m/s]."""
@@ -51,7 +54,7 @@ def slowed(limits: SpeedLimits, stretches: Iterable[Slow]) -> SpeedLimits:
     if not changed:
         return limits
     s, w = reachable(s, w, 2.0 * limits.ramp, math.isfinite(limits.accel))
-    s, w = _corners(s, w, 1e-6 * limits.top)
+    s, w = _corners(s, w)
     return replace(limits, bends=tuple(zip(s.tolist(), w.tolist(), strict=True)))
 
 
@@ -61,13 +64,16 @@ def _crossings(s: Array, w: Array, level: float) -> Array:
     return np.asarray(s[k] + (level - w[k]) / (w[k + 1] - w[k]) * (s[k + 1] - s[k]))
 
 
-def _corners(s: Array, w: Array, same: float) -> tuple[Array, Array]:
-    """Return the vertices of a polyline at which it turns."""
+def _corners(s: Array, w: Array) -> tuple[Array, Array]:
+    """Return the vertices at which a polyline turns; those that lie near another one, if lower."""
+    first = np.flatnonzero(np.append(True, np.diff(s) > 0.0))
+    s, w = s[first], np.minimum.reduceat(w, first)
     kept = [0]
     for k in range(1, len(s) - 1):
         i = kept[-1]
         straight = w[i] + (w[k + 1] - w[i]) * (s[k] - s[i]) / (s[k + 1] - s[i])
-        if abs(straight - w[k]) > same and s[k] - s[i] > _EDGE:
+        above, same = straight - w[k], _SAME_SHARE * w[k]
+        if above > same or (above < -same and s[k] - s[i] > _EDGE):
             kept.append(k)
     kept.append(len(s) - 1)
     return s[kept], w[kept]

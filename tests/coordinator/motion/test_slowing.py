@@ -51,3 +51,11 @@ def test_robots_without_a_limit_on_acceleration_slow_down_at_once():
 def test_a_robot_that_is_slow_from_its_start_to_its_end_speeds_up_as_fast_as_it_can():
     motion = Motion(slowed(FREE, [Slow(0.0, 12.0, 0.4)]), [])
     assert motion.finish == pytest.approx(12.0 / 0.4 + 0.4 / FREE.accel, abs=0.02)
+
+
+def test_a_sharp_bend_beside_a_slow_stretch_is_taken_no_faster():
+    bends = ((0.0, 1.0), (3.9990, 1.0), (3.9995, 1e-7), (4.0, 1e-9), (4.0005, 1e-7), (9.0, 1.0))
+    limits = SpeedLimits(9.0, 1.0, math.inf, bends)
+    places, heights = slowed(limits, [Slow(1.0, 3.9, 0.5)]).ceiling[:2]
+    s, most = np.array(bends).T
+    assert np.all(np.interp(s, places, heights) <= most * (1.0 + 1e-6))
