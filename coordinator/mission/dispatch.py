@@ -60,6 +60,9 @@ _TURN_MS: Final = 20_000
 _RENEW_MS: Final = 15_000
 """A robot gets its times anew, or is looked at for that, no more often than after this."""
 
+_FLUSH: Final = 2e-6
+"""A robot may be so much nearer [m] to something solid than it keeps: that is rounding."""
+
 _JOIN_PATIENCE: Final = 60 * SECOND
 """How long a robot that joins has to be heard for the first time."""
 
@@ -243,12 +246,12 @@ class Dispatcher:
         return can_change and not is_asked and member.is_heard(now_ns)
 
     def _refuse_closed(self, now_ms: int) -> None:
-        """Refuse orders that are new and lead to, or through, a place that is closed.
+        """Refuse orders that are new and lead to, or through, a place that is closed or solid.
 
         When a place is closed, those under way to it are refused, too.
         """
         book, blocks = self._fleet.orders, self._fleet.blocks
-        new = [one for one in book.waiting() if not one.reason] if blocks else []
+        new = [one for one in book.waiting() if not one.reason]
         going: list[Task] = []
         if blocks and self.obstructions.has_closed:
             set_out = [one for one in book.waiting() if one.is_urgent and one.revision > 0]
@@ -262,7 +265,9 @@ class Dispatcher:
             names = [one for one in (robot, task.order.robot) if one] or list(self._fleet.members)
             radii = [self.robots[name].radius for name in names if name in self.robots]
             for place in (task.order.goal, *(() if robot else task.order.via)):
-                if why := self.obstructions.closed_at(place[:2], min(radii, default=0.0)):
+                least = min(radii, default=0.0)
+                why = self.obstructions.closed_at(place[:2], least)
+                if why := why or self._why_not_at(place, least, task.order.robot):
                     book.end(task, REFUSED, why)
                     if robot:
                         book.leave(task, robot, now_ms)
@@ -388,7 +393,9 @@ class Dispatcher:
         is_closed = math.isinf(answer.alone) and self._nobody_else(task, robot)
         # One who closes its way may go on again.
         may_open = task.order.robot and asked.goes_around
-        is_closed &= not (may_open and self._room_at(task.order.goal) >= asked.wish.robot.radius)
+        is_closed &= not (
+            may_open and self._room_at(task.order.goal) >= asked.wish.robot.radius - _FLUSH
+        )
         if task.makes_room or is_closed:
             book.end(task, REFUSED, f"{robot} {answer.reason}")
             self._rooms.end(task)
@@ -424,10 +431,19 @@ class Dispatcher:
         task.cannot |= {robot} | {
             one.id
             for one in self.robots.values()
-            if room < one.radius or self.obstructions.closed_at(goal, one.radius)
+            if room < one.radius - _FLUSH or self.obstructions.closed_at(goal, one.radius)
         }
         task.robot = task.order.robot
         return bool(task.order.robot) or self._fleet.members.keys() <= task.cannot
+
+    def _why_not_at(self, place: Pose, radius: float, robot: str) -> str:
+        """Return in words what is solid where a robot would be that is no larger; "" if nothing."""
+        site, (x, y, *_) = self.obstructions.site, place
+        if site is None or self._room_at(place) >= radius - _FLUSH:
+            return ""
+        what = site.what_is_at((x, y), radius + site.terms.margin)
+        who = f"{robot} cannot" if robot else "no robot can"
+        return f"{who} be at ({x:.2f}, {y:.2f}), which {what}" if what else ""
 
     def _room_at(self, place: Pose) -> float:
         """Return the radius [m] of the largest robot that has room on the floor at a place."""

@@ -208,7 +208,7 @@ class Coordinator:
             self._told = len(mission.fleet.incidents) - 1
         for remark in log.remarks:
             self._say("warning", text=f"{resume}: {remark}")
-        self._aside_news.news(mission)  # The log's coordinator has told these.
+        self._aside_news.news(mission, self._began_ns)  # The log's coordinator has told these.
         count = sum(not member.has_arrived for member in mission.fleet.members.planned)
         under_way = "1 robot is" if count == 1 else f"{count or 'no'} robots are"
         self._say("resumed", text=f"goes on from {resume}: {under_way} under way")
@@ -294,7 +294,7 @@ class Coordinator:
         def watch(fleet: Fleet, now_ns: int) -> None:
             self._tell_denials(recorder, now_ns)
             self._tell_incidents(fleet)
-            self._tell_aside(mission)
+            self._tell_aside(mission, now_ns)
             for alarm, text in bell.news(fleet, now_ns, time.time()):
                 self._tell_alarm(alarm, text)
             waiting = self._roll_call.news(fleet, now_ns)
@@ -342,9 +342,9 @@ class Coordinator:
             recorder.record(denial_key(self.scenario.name), denial_record(denial), now_ns)
             self._say("denied", who=denial.who, cause=denial.cause, text=denial.text)
 
-    def _tell_aside(self, mission: Mission) -> None:
+    def _tell_aside(self, mission: Mission, now_ns: int) -> None:
         """Report robots that have no part in a new epoch."""
-        for robot, text in self._aside_news.news(mission):
+        for robot, text in self._aside_news.news(mission, now_ns):
             self._say("aside", robot=robot, text=text)
 
     def _say(self, event: str, *, text: str, **facts: object) -> None:

@@ -147,7 +147,9 @@ class _Teller:
             (one.now_ns, one.text) for one in incidents[self._incidents :] if one.kind in TROUBLE
         ]
         news += [(one.now_ns, write_fault(one.fault)) for one in world.struck[self._strikes :]]
-        news += [(world.now_ns, text) for _, text in self._aside_news.news(world.mission)]
+        news += [
+            (world.now_ns, text) for _, text in self._aside_news.news(world.mission, world.now_ns)
+        ]
         if self._by_day:
             alarms = self._bell.news(world.fleet, world.now_ns, time.time())
             news += [(world.now_ns, text) for _, text in alarms]

@@ -52,8 +52,8 @@ def test_a_robot_that_an_epoch_goes_on_without_is_told_once_with_the_reason(told
     one, two = mission.site.scenario.robots
     aside = Aside(two, why, np.array([two.start[:2]]), None)
     mission.site = Site(replace(mission.site.scenario, robots=(one,)), (aside,))
-    coordinator._tell_aside(mission)
-    coordinator._tell_aside(mission)
+    coordinator._tell_aside(mission, 0)
+    coordinator._tell_aside(mission, 0)
     assert told == [f"R2 has no part in the next epoch: {text}" for text in said]
 
 

@@ -300,6 +300,22 @@ def test_an_order_into_a_wall_is_refused_though_a_lost_robot_may_come_back():
     assert told == "R1 cannot be at (7.50, 6.00), which is inside workspace.obstacles[0]"
 
 
+def test_an_order_into_a_wall_is_refused_before_its_robot_is_free():
+    orders = (Order(id="far", goal=(12.0, 1.0), robot="R1", release=1.0),)
+    walls = (box(6.0, 4.0, 9.0, 8.0),)
+    scenario = a_scenario([idle("R1", (1.0, 1.0))], size=HALL, obstacles=walls, orders=orders)
+    world = a_world(scenario, stays=True, planning_ns=150_000_000)
+    world.run(4.0)
+    say = operator(world)
+    say(Said(9, "in", (7.5, 6.0), robot="R1"))
+    say(Said(9, "any", (7.5, 6.0)))
+    say(Said(9, "beside", (5.75, 6.0), robot="R1"))
+    world.run(0.5)
+    assert states(world) == {"far": UNDER_WAY, "in": REFUSED, "any": REFUSED, "beside": WAITING}
+    told = world.fleet.orders.tasks["any"].reason
+    assert told == "no robot can be at (7.50, 6.00), which is inside workspace.obstacles[0]"
+
+
 def test_a_lost_robot_with_two_unnamed_orders_stops_nobody(tmp_path):
     orders = (Order(id="a", goal=(8.0, 1.0)), Order(id="b", goal=(8.0, 5.0)))
     world, logs = a_fleet(tmp_path, [idle("R1", (1.0, 1.0))], orders, stays=False)

@@ -236,9 +236,22 @@ def test_a_robot_that_is_being_admitted_is_not_to_be_started_and_admitted():
     admit(world, "R1")
     for _ in range(200):
         world.step()
-        told += news.news(world.mission)
+        told += news.news(world.mission, world.now_ns)
     assert told == []
     assert "R1 is admitted" in [one.text for one in world.fleet.incidents]
+
+
+def test_a_robot_whose_program_was_started_again_is_to_be_admitted_not_started():
+    world = one_killed(None)
+    world.renew("R1", 78, world.robots["R1"].body.true_pose())
+    news, told = AsideNews(), []
+    while not told and world.now_ns < 100 * SECOND:
+        world.run(1.0)
+        told += news.news(world.mission, world.now_ns)
+    ((robot, text),) = told
+    assert robot == "R1"
+    assert "`splinefleet admit R1 --connect ...`, or carry it away" in text
+    assert "start its program" not in text
 
 
 def test_a_robot_that_may_still_set_out_does_not_leave():

@@ -295,12 +295,12 @@ def test_a_robot_held_by_a_lost_one_is_sent_around_it_and_nobody_else_is_stopped
     world = a_world(queue_of_two(), faults=["kill:R2@6"], logs=logs)
     news = AsideNews(speed=4.0)
     world.run(25.0)
-    ((who, text),) = news.news(world.mission)
+    ((who, text),) = news.news(world.mission, world.now_ns)
     assert (who, text[:16]) == ("R2", "R2 stands betwee")
     assert "`splinefleet agent R2 --at X Y HEADING --speed 4 --connect ...`" in text
     world.run(200.0)
     logs.close()
-    assert news.news(world.mission) == []
+    assert news.news(world.mission, world.now_ns) == []
     assert world.fleet.is_finished
     found = states(world)
     assert (found["behind"], found["beside"], found["ahead"]) == (ORDER_DONE, ORDER_DONE, REFUSED)
