@@ -392,10 +392,7 @@ class Dispatcher:
             self._rooms.finds_no_place(robot, state)
         is_closed = math.isinf(answer.alone) and self._nobody_else(task, robot)
         # One who closes its way may go on again.
-        may_open = task.order.robot and asked.goes_around
-        is_closed &= not (
-            may_open and self._room_at(task.order.goal) >= asked.wish.robot.radius - _FLUSH
-        )
+        is_closed &= not (task.order.robot and asked.goes_around)
         if task.makes_room or is_closed:
             book.end(task, REFUSED, f"{robot} {answer.reason}")
             self._rooms.end(task)
