@@ -83,14 +83,33 @@ def _gathered() -> typer.Typer:
     gathered = typer.Typer(
         cls=CommandGroup,
         name="splinefleet",
-        help="Coordinates robots that never tell each other where they are.",
         no_args_is_help=True,
         pretty_exceptions_enable=False,
     )
+    version: bool = typer.Option(
+        False, "--version", is_eager=True, callback=_tell_version, help="Print it and exit."
+    )
+
+    @gathered.callback()
+    def of_all(_version: bool = version) -> None:
+        """Coordinates robots that never tell each other where they are."""
+
     for module in _COMMANDS:
         gathered.add_typer(import_module(module).commands)
     check_all(gathered)
     return gathered
+
+
+def _tell_version(is_asked: bool) -> None:
+    """Print the version and end the command, if it was asked for."""
+    import typer
+
+    from coordinator.base.console import answers
+    from coordinator.log.versions import WRITTEN_BY, ours
+
+    if is_asked:
+        answers.print(f"{WRITTEN_BY} {ours()[WRITTEN_BY]}", markup=False)
+        raise typer.Exit
 
 
 def _run(commands: typer.Typer) -> int:

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from importlib.metadata import version
 
 import typer.main
 from typer.testing import CliRunner
@@ -49,3 +50,8 @@ def test_the_help_loads_no_planner():
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (0, ""), done.stderr
+
+
+def test_the_version_is_told_without_a_command():
+    answer = CliRunner().invoke(app, ["--version"])
+    assert (answer.exit_code, answer.output) == (0, f"splinefleet {version('splinefleet')}\n")

@@ -56,10 +56,9 @@ _STANDS: Final = {
 
 _IN_FILE: Final = ", because the file states it"
 _SETTLES_S: Final = 1.5
-
+"""For so long an order is waited for to be begun or refused, so that its first answer says more."""
 _SAYS_STOP: Final = 4
 """A STOP to a fleet that stands is said until so many Commands were heard: two or three times."""
-"""For so long an order is waited for to be begun or refused, so that its first answer says more."""
 
 
 def _one_source(context: typer.Context, file: Path | None) -> Path | None:
@@ -338,7 +337,8 @@ def cancel(
         if as_json:
             answer_json(OrderSummary.of(state))
         return
-    tell(f"{name}: {state.reason or f'is {OrderSummary.of(state).state} already'}", "red")
+    why = f": {state.reason}" if state.reason else f" is {OrderSummary.of(state).state} already"
+    tell(f"{name}{why}", "red")
     raise typer.Exit(1)
 
 
