@@ -106,11 +106,13 @@ class Ground:
         spared = self._spared(ends)
         while True:
             for step in (1, -1):
-                way = search(ends[::step], most, longest, discs, self.sight, spared)
+                # Contiguous: a kernel is compiled anew, for seconds, for an array of another layout.
+                begin = np.ascontiguousarray(ends[::step])
+                way = search(begin, most, longest, discs, self.sight, spared)
                 if len(way) == 0:
                     return None
                 if not math.isnan(way[0, 0]):
-                    return way[::step]
+                    return np.ascontiguousarray(way[::step])
             most *= 4
 
     @cached_property

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 import shapely
 
+from coordinator.ground import configuration_space
 from coordinator.ground.configuration_space import Ground
+from coordinator.ground.configuration_space import search as usual_search
 from coordinator.ground.free_space import NO_DISCS
 from coordinator.ground.grown_floor import GrownFloor
 from coordinator.ground.growth import Rings
@@ -215,6 +217,21 @@ def test_a_way_there_is_as_long_as_the_way_back():
             ground = ground_of(floor.obstacles, floor.reach, floor.boundary)
             there, back = (ground.shortest_way(*ends, NO_DISCS) for ends in (places, places[::-1]))
             assert way_length(there) == pytest.approx(way_length(back), rel=1e-12)
+
+
+def test_a_way_that_is_found_from_its_goal_lies_in_memory_like_any_other(monkeypatch):
+    """Kernels would be compiled anew for it, for ten seconds, in the middle of a working day."""
+    looked = []
+
+    def found(ends, _, *rest):
+        looked.append(ends)
+        return usual_search(ends, 1000 if len(looked) == 2 else 1, *rest)
+
+    monkeypatch.setattr(configuration_space, "search", found)
+    way = find([box(2, 1, 4, 6), box(6, 2, 8, 8)], (1, 4), (9, 7))
+    assert len(looked) == 2
+    assert way[0].tolist() == [1.0, 4.0]
+    assert all(array.flags.c_contiguous for array in (*looked, way))
 
 
 def test_earlier_searches_change_nothing():
