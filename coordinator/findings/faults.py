@@ -39,6 +39,9 @@ class Faults:
 
         self._commanded_ns = self._here_ns = 0
         """When the coordinator spoke last, and when it spoke again after it was away."""
+        self._away_ns = 0
+        """For how long it was away then; 0 if links are not lost by so short an absence."""
+        self._is_away_told = False
 
         self._has_router: bool | None = None
 
@@ -71,9 +74,17 @@ class Faults:
         away_ns = log_ns - self._commanded_ns
         if away_ns > AWAY:
             self._here_ns = log_ns
-        if away_ns > REPORT_TIMEOUT and self._excuse_links(self._commanded_ns):
-            self.tell(log_ns, "", f"the coordinator was away for {away_ns / 1e9:.1f} s", "away")
+            self._away_ns = away_ns if self._commanded_ns and away_ns > REPORT_TIMEOUT else 0
+            self._is_away_told = False
+            if self._away_ns and self._excuse_links(self._commanded_ns):
+                self._tell_away()
         self._commanded_ns = log_ns
+
+    def _tell_away(self) -> None:
+        if not self._is_away_told:
+            away = self._away_ns / 1e9
+            self.tell(self._here_ns, "", f"the coordinator was away for {away:.1f} s", "away")
+        self._is_away_told = True
 
     def hear_router(self, payload: bytes, log_ns: int) -> None:
         """Take in whether the coordinator reaches its router: links lost with it are its own."""
@@ -95,8 +106,12 @@ class Faults:
     def lose_link(self, robot: str, log_ns: int) -> bool:
         """Take in that a robot lost its link while the fleet was under way.
 
-        Return whether that counts: the router is there, and the robot has not arrived.
+        Return whether that counts: the router is there, and the robot has not arrived.  Links that
+        a coordinator lost while it was away are told to it when it is back.
         """
+        if self._away_ns and log_ns - self._here_ns < REPORT_TIMEOUT:
+            self._tell_away()
+            return False
         _, phase = self._heard.get(robot, (0, phases.IDLE))
         if self._has_router is False or phase == phases.DONE:
             return False

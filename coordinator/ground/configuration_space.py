@@ -106,7 +106,7 @@ class Ground:
         spared = self._spared(ends)
         while True:
             for step in (1, -1):
-                # Contiguous: a kernel is compiled anew, for seconds, for an array of another layout.
+                # A kernel is compiled anew, for seconds, for an array of another layout.
                 begin = np.ascontiguousarray(ends[::step])
                 way = search(begin, most, longest, discs, self.sight, spared)
                 if len(way) == 0:

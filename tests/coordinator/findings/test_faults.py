@@ -38,6 +38,17 @@ def test_links_that_are_lost_while_the_coordinator_is_away_are_its_own_fault():
     assert told(summary) == ([("", "the coordinator was away for 5.5 s")], None)
 
 
+def test_links_that_the_coordinator_hears_of_when_it_is_back_are_its_own_fault():
+    found, summary = faults()
+    found.hear_coordinator(int(7.9 * SECOND))
+    assert not any(found.lose_link(robot, 8 * SECOND) for robot in ("R1", "R2"))
+    assert told(summary) == ([("", "the coordinator was away for 5.5 s")], None)
+    for tick in range(80, 92):
+        found.hear_coordinator(tick * SECOND // 10)
+    found.find_silent(tick * SECOND // 10, [phases.MOVING])
+    assert told(summary)[1] == "fell silent"
+
+
 def test_links_that_are_lost_just_before_the_router_is_missed_are_the_routers_fault():
     found, summary = faults()
     found.hear_router(LINK_UP, 0)

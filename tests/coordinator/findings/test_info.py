@@ -264,7 +264,7 @@ def test_faults_refusals_and_freezes_are_told_once_each(tmp_path):
 
 def test_the_coordinators_records_of_its_router_and_the_robots_links_tell_who_lost_a_link(tmp_path):
     run = [message for message in good_run()[:9] if message[0] < 2.5]
-    run += [(2.3, keys.command("f"), command(4, 1, phases.GO))]
+    run += [(0.1 * n, keys.command("f"), command(n, 1, phases.GO)) for n in range(13, 24)]
     run += [(2.5, keys.alive("f", "R1"), LINK_GONE)]
     router = [(-0.1, router_key("f"), LINK_UP), (2.6, router_key("f"), LINK_GONE)]
 
