@@ -4,15 +4,14 @@ A course for an order is looked for (searches.py), and put into effect if it is 
 It counts only if no authority told since breaks it, and it is proven among the courses committed
 since, too; otherwise it is looked for again.
 
-Decides: when a robot's next course is looked for, when an order is refused.  Must not know: how
-courses are found, which robot gets which order, links, files.
+Decides: when a robot's next course is looked for.  Must not know: how courses are found, which
+robot gets which order, what is refused without a search (refusals.py), links, files.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from functools import partial
 from typing import Any, Final
 
 import msgspec
@@ -28,14 +27,14 @@ from coordinator.fleet.orders import Flags, Task
 from coordinator.mission.free_robots import FreeRobots
 from coordinator.mission.making_room import MakingRoom, Tried
 from coordinator.mission.obstructions import Obstructions, PlainObstructions
+from coordinator.mission.refusals import Refusals
 from coordinator.mission.searches import Asked, Searches
 from coordinator.plan.wire import address
 from coordinator.planning.course_proposal import among_further
 from coordinator.planning.course_search import Answer
 from coordinator.planning.wish import Site
 from coordinator.scenario import plain
-from coordinator.scenario.model import Pose, Robot
-from coordinator.scenario.order_checks import OWN
+from coordinator.scenario.model import Robot
 from protocol.messages import REFUSED, UNDER_WAY, WAITING
 from protocol.phases import GO, MOVING
 from protocol.timing import SECOND
@@ -43,9 +42,6 @@ from protocol.timing import SECOND
 _AGAIN_MS: Final = 2_000
 """An order for which nothing was found is looked for again when the fleet has changed, or after
 this."""
-
-_NOBODY_MOVES_MS: Final = 20_000
-"""Orders for which nothing is found for so long while nobody moves are refused."""
 
 _LATE: Final = 4.0
 """A robot that is later than this [s] and holds others may get its times anew."""
@@ -59,9 +55,6 @@ _TURN_MS: Final = 20_000
 
 _RENEW_MS: Final = 15_000
 """A robot gets its times anew, or is looked at for that, no more often than after this."""
-
-_FLUSH: Final = 2e-6
-"""A robot may be so much nearer [m] to something solid than it keeps: that is rounding."""
 
 _JOIN_PATIENCE: Final = 60 * SECOND
 """How long a robot that joins has to be heard for the first time."""
@@ -92,14 +85,13 @@ class Dispatcher:
         self.searches = Searches(fleet, self.robots, self.obstructions)
         self._rooms = MakingRoom(fleet, self.robots, self.searches)
         self._free = FreeRobots(fleet, self.robots, self.searches)
+        self._refusals = Refusals(
+            fleet, self.robots, self.obstructions, self.searches, self._free.what_stops
+        )
         self._tried: dict[str, tuple[Tried, int]] = {}
         """By order: the state of the fleet and the time [ms] when nothing was found for it."""
         self._renewed: dict[str, int] = {}
         """By late robot: when [ms] new times were last looked for."""
-
-        self._moved_ms = 0
-        self._mark = (0, 0)
-        """When a robot last got on, and how many courses there were, at _moved_ms."""
 
     def plain(self) -> PlainDispatcher:
         """Give up all searches, and return the state as plain data.
@@ -107,16 +99,15 @@ class Dispatcher:
         What was looked for is looked for again, here and by whoever goes on from this state.
         """
         self.searches.give_up()
-        mark = self._progress()
-        self._mark = (mark[0], 0) if mark == self._mark else (-1, 0)
+        moved_ms, mark = self._refusals.plain()
         self.searches.begin()
         self._tried.clear()
         self._renewed.clear()
         return PlainDispatcher(
             [plain.plain(robot) for robot in self.robots.values()],
             self.searches.serial,
-            self._moved_ms,
-            self._mark,
+            moved_ms,
+            mark,
             self._rooms.plain(),
             self.obstructions.plain(),
         )
@@ -127,7 +118,7 @@ class Dispatcher:
         self.robots.clear()  # The obstructions know the same table.
         self.robots.update((robot.id, robot) for robot in known)
         self.searches.serial = told.serial
-        self._moved_ms, self._mark = told.moved_ms, told.mark
+        self._refusals.take_plain(told.moved_ms, told.mark)
         self._rooms.take_plain(told.ways)
         self.obstructions.take_plain(told.obstructions)
 
@@ -149,11 +140,10 @@ class Dispatcher:
         now_ms = fleet.since_go_ms(now_ns)
         book.look(now_ms, self._has_driven, self._are_free)
         if fleet.phase != GO or not self.obstructions.has_site or fleet.superseded:
-            self._moved_ms = now_ms
+            self._refusals.nobody_may_drive(now_ms)
             return []
         self.obstructions.look(now_ns, now_ms)
-        self._refuse_if_stuck(now_ns)
-        self._refuse_closed(now_ms)
+        self._refusals.look(now_ns, now_ms)
         idle = self._free.idle(now_ns)
         asked = self.searches.orders()
         state = Tried(self.searches.commits, tuple(idle))
@@ -244,34 +234,6 @@ class Dispatcher:
             drives = member.phase == MOVING and member.driven >= member.revision
             can_change = drives and not mine.is_changing(member.holds)
         return can_change and not is_asked and member.is_heard(now_ns)
-
-    def _refuse_closed(self, now_ms: int) -> None:
-        """Refuse orders that are new and lead to, or through, a place that is closed or solid.
-
-        When a place is closed, those under way to it are refused, too.
-        """
-        book, blocks = self._fleet.orders, self._fleet.blocks
-        new = [one for one in book.waiting() if not one.reason]
-        going: list[Task] = []
-        if blocks and self.obstructions.has_closed:
-            set_out = [one for one in book.waiting() if one.is_urgent and one.revision > 0]
-            going = [*book.under_way(), *set_out]  # Some are to go around the place already.
-        for task in (*new, *going):
-            if task.joins is not None or task.arrived_ms is not None:
-                continue
-            if task.order.id.startswith(OWN):
-                continue
-            robot = task.robot if task in going else ""
-            names = [one for one in (robot, task.order.robot) if one] or list(self._fleet.members)
-            radii = [self.robots[name].radius for name in names if name in self.robots]
-            for place in (task.order.goal, *(() if robot else task.order.via)):
-                least = min(radii, default=0.0)
-                why = self.obstructions.closed_at(place[:2], least)
-                if why := why or self._why_not_at(place, least, task.order.robot):
-                    book.end(task, REFUSED, why)
-                    if robot:
-                        book.leave(task, robot, now_ms)
-                    break
 
     def commit(self, request: CourseRequest, answer: Answer, now_ns: int) -> Robot | None:
         """Put an answer into effect; return the robot with its new goal if it gets a course."""
@@ -390,7 +352,7 @@ class Dispatcher:
         state = Tried(self.searches.commits, tuple(idle))
         if task.makes_room:
             self._rooms.finds_no_place(robot, state)
-        is_closed = math.isinf(answer.alone) and self._nobody_else(task, robot)
+        is_closed = math.isinf(answer.alone) and self._refusals.is_for_nobody_else(task, robot)
         # One who closes its way may go on again.
         is_closed &= not (task.order.robot and asked.goes_around)
         if task.makes_room or is_closed:
@@ -421,34 +383,6 @@ class Dispatcher:
         tried = self._tried.get(task.order.id)
         return tried is None or tried[0] != state or now_ms - tried[1] >= _AGAIN_MS
 
-    def _nobody_else(self, task: Task, robot: str) -> bool:
-        """Take in that a robot can never do an order; return whether no other one might."""
-        room, goal = self._room_at(task.order.goal), task.order.goal[:2]
-        # Where there is no room at the goal, it is the same for others.
-        task.cannot |= {robot} | {
-            one.id
-            for one in self.robots.values()
-            if room < one.radius - _FLUSH or self.obstructions.closed_at(goal, one.radius)
-        }
-        task.robot = task.order.robot
-        return bool(task.order.robot) or self._fleet.members.keys() <= task.cannot
-
-    def _why_not_at(self, place: Pose, radius: float, robot: str) -> str:
-        """Return in words what is solid where a robot would be that is no larger; "" if nothing."""
-        site, (x, y, *_) = self.obstructions.site, place
-        if site is None or self._room_at(place) >= radius - _FLUSH:
-            return ""
-        what = site.what_is_at((x, y), radius + site.terms.margin)
-        who = f"{robot} cannot" if robot else "no robot can"
-        return f"{who} be at ({x:.2f}, {y:.2f}), which {what}" if what else ""
-
-    def _room_at(self, place: Pose) -> float:
-        """Return the radius [m] of the largest robot that has room on the floor at a place."""
-        site = self.obstructions.site
-        if site is None:
-            return math.inf
-        return float(site.room(np.array([place[:2]]))[0]) - site.terms.margin
-
     def _are_free(self, robot: str, places: Array) -> Flags:
         """Tell at which places (n, 2) a robot could rest: no other is or is bound there (n,)."""
         site, courses = self.obstructions.site, self._fleet.grants.possible()
@@ -458,25 +392,3 @@ class Dispatcher:
         room = self.robots[robot].radius + site.terms.margin
         needs = room + np.array([one.driven.radius for one in courses])
         return np.asarray((cdist(places, goals) >= needs).all(axis=1))
-
-    def _progress(self) -> tuple[int, int]:
-        """Return when a robot last got on [ms], and how many courses were committed."""
-        return self._fleet.grants.standstills.got_on_latest_ms, self.searches.commits
-
-    def _refuse_if_stuck(self, now_ns: int) -> None:
-        """Refuse all orders when nobody gets on and nothing is found for a long time."""
-        book, mark, now_ms = self._fleet.orders, self._progress(), self._fleet.since_go_ms(now_ns)
-        under_way = book.under_way()
-        dwells = any(one.arrived_ms is not None for one in under_way)
-        if mark != self._mark or dwells or book.stays or not (under_way or book.waiting()):
-            self._mark, self._moved_ms = mark, now_ms
-        elif now_ms - self._moved_ms > _NOBODY_MOVES_MS:
-            self._moved_ms = now_ms
-            book.refuse_stuck(partial(self._why_stuck, now_ns=now_ns))
-
-    def _why_stuck(self, task: Task, now_ns: int) -> str:
-        """Return in words why nobody can do an order."""
-        member = self._fleet.members.get(task.order.robot)
-        if member is not None and (member.lost or member.has_stopped(self._fleet.epoch)):
-            return f"{member.id} {self._free.what_stops(member.id, now_ns)}"
-        return task.reason or "no robot can do it"
