@@ -12,7 +12,7 @@ from typing import Final
 import msgspec
 
 from coordinator.desk.answers import Alarm, RobotState
-from coordinator.fleet.orders import JOIN
+from coordinator.fleet.task import JOIN
 from coordinator.scenario.order_checks import OWN
 from protocol.messages import REFUSED, WAITING, OrderState
 from protocol.phases import IDLE, PHASE_NAMES

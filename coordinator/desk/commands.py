@@ -24,7 +24,7 @@ from coordinator.desk.previews import Previews
 from coordinator.exchange.vda5050_state import State, state_of
 from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.admit_outcome import Asking
-from coordinator.fleet.orders import JOIN, LEAVE
+from coordinator.fleet.task import JOIN, LEAVE
 from coordinator.scenario.checks import corners_fault
 from coordinator.view.order_lines import another_order
 from protocol import keys, phases

@@ -19,7 +19,7 @@ from coordinator.exchange.vda5050_state import Seen
 from coordinator.findings.info_fields import OrderSummary
 from coordinator.fleet.log_records import LINK_UP
 from coordinator.fleet.member import place_of
-from coordinator.fleet.orders import LEAVE
+from coordinator.fleet.task import LEAVE
 from coordinator.plan.wire import unpack
 from protocol import keys
 from protocol.codec import decode, encode

@@ -23,7 +23,7 @@ import numpy as np
 from coordinator.desk.answers import PreviewAnswer, PreviewRest, RobotState
 from coordinator.desk.bodies import OrderBody
 from coordinator.desk.known_fleet import KnownFleet
-from coordinator.fleet.orders import robot_of
+from coordinator.fleet.task import robot_of
 from coordinator.plan.course import Course
 from coordinator.plan.document import PlanDocument, RobotPlan
 from coordinator.plan.plan_file import from_json, to_json

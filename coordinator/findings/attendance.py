@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from coordinator.fleet.orders import JOIN, LEAVE
+from coordinator.fleet.task import JOIN, LEAVE
 from protocol.messages import (
     CANCELLED,
     ORDER_DONE,

@@ -14,8 +14,8 @@ import numpy as np
 import shapely
 
 from coordinator.curves.nurbs import Array
-from coordinator.fleet.orders import JOIN, LEAVE, robot_of
 from coordinator.fleet.rest_places import standing_of
+from coordinator.fleet.task import JOIN, LEAVE, robot_of
 from coordinator.mission.replanning_input import resting_pose, stretch
 from coordinator.plan.course import Course
 from coordinator.plan.document import Limits, PlanDocument

@@ -12,9 +12,9 @@ import shapely
 
 from coordinator.fleet.events import Outgoing
 from coordinator.fleet.member import Member
-from coordinator.fleet.orders import JOIN, LEAVE, known_order, order_of, robot_of
 from coordinator.fleet.phases import GO_LEAD
 from coordinator.fleet.state import FleetState
+from coordinator.fleet.task import JOIN, LEAVE, known_order, order_of, robot_of
 from coordinator.scenario import model
 from coordinator.scenario.order_checks import OWN, OWN_IN_WORDS
 from protocol import keys

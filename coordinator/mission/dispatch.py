@@ -23,7 +23,8 @@ from coordinator.curves.nurbs import Array
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.events import Incident
 from coordinator.fleet.log_records import CourseRequest
-from coordinator.fleet.orders import Flags, Task
+from coordinator.fleet.orders import Flags
+from coordinator.fleet.task import Task
 from coordinator.mission.free_robots import FreeRobots
 from coordinator.mission.making_room import MakingRoom, Tried
 from coordinator.mission.obstructions import Obstructions, PlainObstructions

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from coordinator.fleet.core import Fleet
-from coordinator.fleet.orders import Task
+from coordinator.fleet.task import Task
 from coordinator.mission.searches import Searches
 from coordinator.scenario.model import Robot
 from protocol.phases import MOVING, fault_name

@@ -13,7 +13,7 @@ import numpy as np
 
 from coordinator.curves.nurbs import Array
 from coordinator.fleet.core import Fleet
-from coordinator.fleet.orders import Task
+from coordinator.fleet.task import Task
 from coordinator.mission.searches import Asked, Searches
 from coordinator.planning.course_search import Answer
 from coordinator.scenario.model import Robot

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from coordinator.fleet.core import Fleet
-from coordinator.fleet.orders import Task
+from coordinator.fleet.task import Task
 from coordinator.mission.obstructions import Obstructions
 from coordinator.mission.searches import Searches
 from coordinator.scenario.model import Pose, Robot

@@ -21,7 +21,7 @@ from msgspec.structs import replace
 from coordinator.curves.nurbs import Array
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.log_records import CourseRequest, Found
-from coordinator.fleet.orders import Task
+from coordinator.fleet.task import Task
 from coordinator.mission.obstructions import Obstructions, Ring
 from coordinator.plan.course import Course
 from coordinator.planning.course_proposal import proposal_of

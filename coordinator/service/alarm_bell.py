@@ -14,7 +14,7 @@ from coordinator.desk.answers import Alarm, RobotState
 from coordinator.desk.known_fleet import CARRIED_S
 from coordinator.fleet.core import Fleet
 from coordinator.fleet.member import Member, place_of
-from coordinator.fleet.orders import LEAVE
+from coordinator.fleet.task import LEAVE
 from protocol.messages import ORDER_DONE, OrderState
 from protocol.phases import HOLD, IDLE, NO_FAULT, OVER, PHASE_NAMES, fault_name
 from protocol.timing import REPORT_TIMEOUT, SECOND

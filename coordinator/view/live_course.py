@@ -20,7 +20,7 @@ from coordinator.findings.info_fields import FaultSummary
 from coordinator.findings.plans_from_messages import SaidPlans
 from coordinator.findings.wait_guesses import with_reasons
 from coordinator.fleet.log_records import LINK_GONE
-from coordinator.fleet.orders import LEAVE
+from coordinator.fleet.task import LEAVE
 from coordinator.log.unheard_plans import UnheardPlans
 from coordinator.plan.document import PlanDocument
 from coordinator.proof.granted import Granted

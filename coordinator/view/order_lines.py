@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from coordinator.fleet.orders import LEAVE
+from coordinator.fleet.task import LEAVE
 from protocol.messages import ORDER_DONE, ORDER_STATES, UNDER_WAY, WAITING, Order, OrderState
 
 LATE_MS: Final = 200

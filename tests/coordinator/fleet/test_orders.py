@@ -6,7 +6,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from coordinator.fleet.orders import OrderBook, PlainBook, known_order, order_of
+from coordinator.fleet.orders import OrderBook, PlainBook
+from coordinator.fleet.task import known_order, order_of
 from coordinator.scenario.model import Demand, Order
 from protocol import messages
 from protocol.messages import CANCELLED, ORDER_DONE, REFUSED, UNDER_WAY, WAITING
