@@ -38,6 +38,7 @@ from benchmarks.planning import planning
 from benchmarks.proof import proving, sharpness
 from benchmarks.quality import quality
 from benchmarks.recording import recording, writing
+from benchmarks.refusals import refusals
 from benchmarks.reliability import campaigns
 from benchmarks.replays import replays
 from benchmarks.safety import safety
@@ -90,6 +91,7 @@ PARTS: Final[dict[str, dict[str, Callable[[], list[Row]]]]] = {
     "desk": {"a fleet whose desk is asked much, and nonsense": desk},
     "fuzz": {"bad input, 30 s per target": partial(fuzz_all, list(MODULES))},
     "locks": {"arming a fleet without and with keys": arming},
+    "refusals": {"refused scenes, searched exhaustively": refusals},
     "ways": {"robots that have to make room for each other": partial(making_room, 3)},
     "movingai": {"discs on maps of MovingAI's kinds": movingai},
     "recording": {
